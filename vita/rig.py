@@ -1,0 +1,65 @@
+"""The seam between vita and a robot with cameras, real or simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from vita.types import Array, Joint, JointStep, Observation
+
+
+@runtime_checkable
+class Rig(Protocol):
+    """An arm and its cameras. Whoever implements it keeps the gate between `command` and the arm."""
+
+    joints: Sequence[Joint]
+    """The joints with the limits in force."""
+    cameras: Sequence[str]
+    """Camera names, in the order in which people see them."""
+
+    def observe(self) -> Observation:
+        """The next observation. Lockstep simulation advances one frame period, a live rig waits.
+
+        Raises `RigOffline` when none comes.
+        """
+        ...
+
+    def command(self, step: JointStep | None) -> None:
+        """Ask for a motion; None asks the arm to brake and hold still."""
+        ...
+
+    def set_limits(self, joints: Sequence[Joint]) -> None:
+        """Put new joint limits in force from the next gate cycle on."""
+        ...
+
+    def close(self) -> None: ...
+
+
+@runtime_checkable
+class SimulatedRig(Rig, Protocol):
+    """What a simulation adds: ground truth for judging and a way to disturb the scene.
+
+    Ground truth serves scenario files (`attach`, `expect`) and `projected` trackers only; the
+    servo never sees it.
+    """
+
+    def project(self, camera: str, body: str, point: Sequence[float]) -> Array:
+        """(2,) pixel at which a point fixed to `body` is seen now [px]."""
+        ...
+
+    def locate(self, body: str, point: Sequence[float]) -> Array:
+        """(3,) world position of a point fixed to `body` [m]."""
+        ...
+
+    def perform(self, action: str, **arguments: object) -> None:
+        """Carry out a script action: move_camera, freeze_camera, drag_target, push_robot, cover, ...
+
+        Raises `BadInput` on an unknown action or argument.
+        """
+        ...
+
+    def hard_reset(self, q: np.ndarray) -> None:
+        """Put the arm at `q` [rad] at rest at once (simulation only), e.g. back to the start."""
+        ...
