@@ -1,0 +1,164 @@
+"""A scenario: the whole of a task file as frozen data (TOML, `schema = 1`).
+
+Field names are the file's keys. Degrees and metres appear as in the file; whoever uses a value
+converts it once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from vita.servo.config import Limits, ServoConfig
+
+SCHEMA = 1
+Vector3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ObjectSpec:
+    """A thing in the scene. `kind` names a builder in `vita.sim.objects`."""
+
+    name: str
+    kind: str
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    """Position of its origin in the world [m]."""
+    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    """Roll, pitch, yaw, applied as Rz(yaw) Ry(pitch) Rx(roll) [deg]."""
+    mount: str | None = None
+    """Robot link (or `tool`) that carries it; None stands it in the world."""
+
+
+@dataclass(frozen=True)
+class SceneSpec:
+    """The `[scene]` table."""
+
+    robot: str = "wam7"
+    """`wam4`, `wam7`, or a path to a URDF."""
+    q0_deg: tuple[float, ...] | None = None
+    """Start pose [deg]; None is the robot's ready pose."""
+    tool: str = "card_tool"
+    """A named tool on the flange, or `none`."""
+    objects: tuple[ObjectSpec, ...] = ()
+    table: bool = True
+    """Whether the arm stands beside its usual table."""
+    dead_band_deg: float = 0.0
+    """Joint motions smaller than this are not carried out (thesis 5.1.3, TOL) [deg]."""
+    image_noise: float = 0.0
+    """Standard deviation of the camera noise [grey levels]."""
+
+
+@dataclass(frozen=True)
+class CameraSpec:
+    """One `[[camera]]`: eye-to-hand by `look_from`/`look_at`, eye-in-hand by `mount`."""
+
+    name: str
+    look_from: Vector3 | None = None
+    look_at: Vector3 | None = None
+    mount: str | None = None
+    """Link that carries the camera (`tool`, `flange` or a link's name)."""
+    xyz: Vector3 = (0.0, 0.0, 0.0)
+    """Camera position in the mount's frame [m]."""
+    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    """Camera orientation in the mount's frame; the camera looks along its own +z [deg]."""
+    fov_deg: float = 50.0
+    """Vertical field of view [deg]."""
+    size: tuple[int, int] = (640, 480)
+    """Width and height [px]."""
+
+
+@dataclass(frozen=True)
+class AttachSpec:
+    """A point fixed to a body: the pixel where it is seen in the first frame."""
+
+    body: str
+    point: Vector3 = (0.0, 0.0, 0.0)
+    """In the body's frame [m]."""
+
+
+@dataclass(frozen=True)
+class NoiseSpec:
+    """How a `projected` tracker errs: `perfect`, `integer` or `gaussian`."""
+
+    kind: str = "perfect"
+    sigma_px: float = 0.0
+
+
+@dataclass(frozen=True)
+class TrackerSpec:
+    """One `[[tracker]]`: placed by `at` or by `attach`."""
+
+    name: str
+    camera: str
+    kind: str = "auto"
+    at: tuple[float, float] | None = None
+    """Pixel (column, row) in the first frame."""
+    attach: AttachSpec | None = None
+    noise: NoiseSpec | None = None
+    """Only for `projected`."""
+
+
+@dataclass(frozen=True)
+class ConstraintSpec:
+    """One `[[constraint]]`: a kind and the trackers that it ties, moving feature(s) first."""
+
+    name: str
+    kind: str
+    points: tuple[str, ...]
+    weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class ScriptSpec:
+    """One `[[script]]` entry: what happens at which simulated time."""
+
+    at_s: float
+    do: str
+    arguments: dict[str, Any] = field(default_factory=dict)
+    """The entry's other keys, passed to the action."""
+
+
+@dataclass(frozen=True)
+class DistanceSpec:
+    """Ground truth for judging: the distance of a point of `of` to a point of `to`."""
+
+    of: str
+    to: str
+    max: float
+    """Largest allowed distance [mm]."""
+    point: Vector3 = (0.0, 0.0, 0.0)
+    """In the frame of `of` [m]."""
+    at: Vector3 = (0.0, 0.0, 0.0)
+    """In the frame of `to` [m]."""
+
+
+@dataclass(frozen=True)
+class ExpectSpec:
+    """The `[expect]` table: what a headless run must end with; None leaves a row unchecked."""
+
+    outcome: str | None = None
+    reason: str | None = None
+    within_s: float | None = None
+    final_error_px: float | None = None
+    final_distance_mm: DistanceSpec | None = None
+    max_joint_motion_after_deg: float | None = None
+    """Largest joint motion after the run's end is declared: proof that the arm is at rest [deg]."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A whole scenario file."""
+
+    title: str = "Untitled task"
+    seed: int = 0
+    scene: SceneSpec = SceneSpec()
+    camera: tuple[CameraSpec, ...] = ()
+    tracker: tuple[TrackerSpec, ...] = ()
+    constraint: tuple[ConstraintSpec, ...] = ()
+    servo: ServoConfig = ServoConfig()
+    limits: Limits = Limits()
+    script: tuple[ScriptSpec, ...] = ()
+    expect: ExpectSpec | None = None
+    description: str = ""
+    """A sentence or two shown in the page when the task is opened."""
+    schema: int = SCHEMA

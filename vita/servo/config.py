@@ -1,0 +1,104 @@
+"""The servo's settings, defined once: they feed file validation, `--set`, the sliders and the docs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from vita.errors import BadInput
+
+
+def setting(
+    default: Any, low: float, high: float, unit: str, label: str, doc: str, *, live: bool = True
+) -> Any:
+    """A dataclass field with its range, unit and words for people in the metadata."""
+    return field(
+        default=default,
+        metadata={"low": low, "high": high, "unit": unit, "label": label, "doc": doc, "live": live},
+    )
+
+
+def check_ranges(config: Any, path: str) -> None:
+    """Raise `BadInput` naming the first numeric field of `config` outside its range."""
+    for f in fields(config):
+        meta = f.metadata
+        if "low" not in meta:
+            continue
+        value = getattr(config, f.name)
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise BadInput(f"expected a number, got {value!r}", f"{path}.{f.name}")
+        if not meta["low"] <= value <= meta["high"]:  # NaN fails both comparisons
+            unit = f" {meta['unit']}" if meta["unit"] else ""
+            raise BadInput(
+                f"{value} is outside {meta['low']} to {meta['high']}{unit}", f"{path}.{f.name}"
+            )
+
+
+@dataclass(frozen=True)
+class ServoConfig:
+    """What a person may tune; the `[servo]` table of a scenario file. Angles are in degrees,
+    as in the file."""
+
+    gain: float = setting(
+        0.3, 0.01, 2.0, "", "Gain lambda", "Share of the error that one step tries to remove (eq. 2.15)."
+    )
+    alpha: float = setting(
+        0.3, 0.0, 1.0, "", "Learning rate alpha", "How much of each Broyden update is taken (eq. 2.18)."
+    )
+    explore_deg: float = setting(
+        4.0, 0.1, 15.0, "deg", "Exploration size", "Joint motion of each exploratory move (eq. 2.17)."
+    )
+    damping: float = setting(
+        0.02, 0.0, 0.5, "", "Damping", "Damping of the inverse, relative to the largest singular value."
+    )
+    tolerance_px: float = setting(
+        0.5, 0.01, 20.0, "px", "Done within", "Converged when every error component is below this."
+    )
+    timeout_s: float = setting(
+        60.0, 0.5, 3600.0, "s", "Give up after", "Longest time from Start to done."
+    )
+    joints: tuple[int, ...] | None = None
+    """Indices of the joints that the servo may use; None means all."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "servo")
+        if self.joints is not None:
+            joints = tuple(self.joints)
+            if not joints:
+                raise BadInput("name at least one joint, or leave it out to use all", "servo.joints")
+            for j in joints:
+                if isinstance(j, bool) or not isinstance(j, int) or j < 0:
+                    raise BadInput(f"{j!r} is not a joint index (0, 1, ...)", "servo.joints")
+            if len(set(joints)) != len(joints):
+                raise BadInput(f"a joint is listed twice in {list(joints)}", "servo.joints")
+            object.__setattr__(self, "joints", joints)
+
+
+@dataclass(frozen=True)
+class JointLimit:
+    """Overrides of one joint's limits; None keeps the robot's own value."""
+
+    joint: int
+    lower_deg: float | None = None
+    upper_deg: float | None = None
+    speed_rad_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The `[limits]` table: what the gate enforces, never wider than the robot's own limits."""
+
+    speed_rad_s: float = setting(
+        0.6, 0.01, 3.0, "rad/s", "Top joint speed", "No joint moves faster than this."
+    )
+    explore_speed_rad_s: float = setting(
+        0.3, 0.01, 3.0, "rad/s", "Exploring speed", "Top joint speed of exploratory moves."
+    )
+    acceleration_rad_s2: float = setting(
+        8.0, 0.5, 50.0, "rad/s2", "Top acceleration", "Joint acceleration bound, braking included."
+    )
+    joint: tuple[JointLimit, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "limits")
+        object.__setattr__(self, "joint", tuple(self.joint))

@@ -1,0 +1,41 @@
+"""The frozen picture of everything that the engine publishes after each tick."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from vita.scenario.schema import Scenario
+from vita.types import NO_ERROR, Array, ErrorVector, Feature, Image, Joint, Notice, Status, Timing, frozen
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """State, never deltas: whoever misses one loses nothing."""
+
+    tick: int
+    stamp: float
+    """Rig time of the frames [s]."""
+    status: Status
+    q: Array
+    """(n,) measured joint positions [rad]."""
+    joints: tuple[Joint, ...]
+    """Joints with the limits in force."""
+    frames: Mapping[str, Image]
+    """Camera name to RGB frame."""
+    features: Mapping[str, Feature]
+    """Tracker name to what it reported of these frames."""
+    scenario: Scenario
+    """Scene, cameras, trackers, constraints and the settings in force. A tracker's `at` is where
+    it is now, so saving this saves what is seen."""
+    error: ErrorVector = NO_ERROR
+    progress: str = ""
+    """What the servo is doing in a few words, e.g. `learning joint 2 of 4`."""
+    jacobian: Array = field(default_factory=lambda: frozen(()))
+    """(m, n) estimated image Jacobian [px/rad]; empty before it is learned."""
+    can_undo: bool = False
+    can_redo: bool = False
+    notices: tuple[Notice, ...] = ()
+    """The latest messages, oldest first; ids grow, so that a reader knows which are new."""
+    timing: Timing = Timing()
+    extra: Mapping[str, object] = field(default_factory=dict)
