@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from vita.types import Array, Joint, JointStep, Observation
+from vita.types import Array, Joint, JointStep, Observation, Visual
 
 
 @runtime_checkable
@@ -44,6 +44,16 @@ class SimulatedRig(Rig, Protocol):
     Ground truth serves scenario files (`attach`, `expect`) and `projected` trackers only; the
     servo never sees it.
     """
+
+    def poses(self) -> Mapping[str, Array]:
+        """Body name to (4, 4) T_world_body at the last observation: robot links (`base`, `link1`,
+        ..., `flange`, `tool`), objects by name, `world`, and cameras as `camera:NAME` (looking
+        along +z, x right, y down)."""
+        ...
+
+    def visuals(self) -> Sequence[Visual]:
+        """The meshes of the scene, for a 3D view."""
+        ...
 
     def project(self, camera: str, body: str, point: Sequence[float]) -> Array:
         """(2,) pixel at which a point fixed to `body` is seen now [px]."""

@@ -38,4 +38,5 @@ class Snapshot:
     notices: tuple[Notice, ...] = ()
     """The latest messages, oldest first; ids grow, so that a reader knows which are new."""
     timing: Timing = Timing()
-    extra: Mapping[str, object] = field(default_factory=dict)
+    poses: Mapping[str, Array] = field(default_factory=dict)
+    """Body name to (4, 4) T_world_body in simulation, for the 3D view only; see `SimulatedRig`."""

@@ -166,3 +166,22 @@ class Timing:
     """Phase name (`render`, `track`, `servo`, `publish`, ...) to milliseconds per tick."""
     real_time_factor: float = 1.0
     """Simulated seconds per wall second."""
+
+
+@dataclass(frozen=True, eq=False)
+class Visual:
+    """One drawable mesh, fixed to a body (robot link, object or `world`)."""
+
+    body: str
+    vertices: Array
+    """(v, 3) in the body's frame [m]."""
+    faces: NDArray[np.int32]
+    """(f, 3) vertex indices, counter-clockwise seen from outside."""
+    normals: Array
+    """(v, 3) unit vertex normals; sharp edges have their vertices doubled."""
+    color: tuple[float, float, float]
+    """Diffuse colour, 0 to 1; multiplies the texture where there is one."""
+    uv: Array | None = None
+    """(v, 2) texture coordinates, (0, 0) at the texture's top-left pixel corner."""
+    texture: Image | None = None
+    """(h, w, 3) RGB."""

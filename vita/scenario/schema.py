@@ -96,6 +96,8 @@ class TrackerSpec:
     attach: AttachSpec | None = None
     noise: NoiseSpec | None = None
     """Only for `projected`."""
+    size_px: float | None = None
+    """Side of the square region that an image tracker holds on to; None lets it choose [px]."""
 
 
 @dataclass(frozen=True)
