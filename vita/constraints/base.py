@@ -1,0 +1,98 @@
+"""What a geometric constraint is, and the registry of the kinds that people can draw.
+
+Theory, once for all kinds. A task is accomplished when its encoding of the image features is
+zero (thesis eq. 3.1 to 3.3). Each kind turns the pixels of a few point features, all of one
+camera, into signed residual rows:
+
+- The rows are in pixels whatever the geometry, so that they can be stacked: points give pixel
+  differences, lines are used with unit normals so that l . p is a signed pixel distance (the raw
+  product of thesis eq. 3.4 has the same zero set and sign, but its size depends on how far apart
+  the line's two points were clicked), and angles are multiplied by the moving segment's length.
+- Signs are kept. A norm would have the same zero but no direction to move in.
+- Moving features come first, goals after, so that e = s - s* (thesis eq. 2.1).
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+
+from vita.errors import BadInput, UnknownName
+from vita.types import Array
+
+MIN_LINE_PX = 3.0
+"""Two points nearer than this do not define a line: a pixel of noise would turn it by 20 degrees."""
+
+
+class Constraint(ABC):
+    """One kind of geometric constraint; stateless, one instance serves every use."""
+
+    kind: ClassVar[str]
+    title: ClassVar[str]
+    """Name for people."""
+    roles: ClassVar[tuple[str, ...]]
+    """What each point is, in the order in which they are given, moving ones first."""
+    moving: ClassVar[int]
+    """How many of the points are the moving feature."""
+    components: ClassVar[tuple[str, ...]]
+    """Name of each residual row."""
+    color: ClassVar[tuple[int, int, int]]
+    """RGB in which it is drawn (thesis fig. 4.5)."""
+
+    @property
+    def arity(self) -> int:
+        return len(self.roles)
+
+    @abstractmethod
+    def residual(self, points: Array) -> Array:
+        """Signed residual rows [px] of `points`, (arity, 2) [px].
+
+        A row is NaN where a point is NaN or a line is shorter than `MIN_LINE_PX`.
+        """
+
+    def lines(self) -> tuple[tuple[int, int], ...]:
+        """Pairs of point indices that form a line."""
+        return ()
+
+    def check(self, points: Array) -> None:
+        """Raise `BadInput` when visible `points`, (arity, 2) [px], cannot carry the constraint."""
+        for a, b in self.lines():
+            length = float(np.linalg.norm(points[a] - points[b]))
+            if length < MIN_LINE_PX:
+                raise BadInput(
+                    f"{self.title}: {self.roles[a]} and {self.roles[b]} are {length:.1f} px apart; "
+                    f"a line needs at least {MIN_LINE_PX:g} px. Move one of them."
+                )
+
+
+def signed_distance(point: Array, a: Array, b: Array) -> float:
+    """Signed distance [px] of `point` to the line through `a` and `b`: the unit-normal form of
+    (a x b) . p in homogeneous coordinates (thesis eq. 3.4). NaN for a line too short."""
+    direction = b - a
+    length = float(np.hypot(direction[0], direction[1]))
+    if not length >= MIN_LINE_PX:  # written so that NaN takes this branch as well
+        return float("nan")
+    normal = np.array([-direction[1], direction[0]]) / length
+    return float(normal @ (point - a))
+
+
+CONSTRAINTS: dict[str, Constraint] = {}
+"""Kind to constraint."""
+
+
+def register(constraint: Constraint) -> Constraint:
+    """Add a kind. Raises `ValueError` on a name that is taken."""
+    if constraint.kind in CONSTRAINTS:
+        raise ValueError(f"constraint kind {constraint.kind!r} is registered twice")
+    CONSTRAINTS[constraint.kind] = constraint
+    return constraint
+
+
+def constraint_of(kind: str, path: str = "") -> Constraint:
+    """The constraint of a kind; raises `UnknownName` with the choices."""
+    try:
+        return CONSTRAINTS[kind]
+    except KeyError:
+        raise UnknownName("constraint kind", kind, CONSTRAINTS, path) from None
