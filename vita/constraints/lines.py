@@ -34,8 +34,8 @@ class ParallelLines(Constraint):
     """The moving line is parallel to the goal line, in either sense.
 
     The third component of (f1 x f2) x (f3 x f4) is |d1| |d2| sin(angle); divided by the goal's
-    length it is the moving segment's length times the sine, in pixels: how much farther one end
-    of the moving segment is from the goal line than the other.
+    length it is the moving segment's length times the sine, in pixels: how much farther from the
+    goal line one end of the moving segment is than the other.
     """
 
     kind = "parallel_lines"
@@ -50,7 +50,7 @@ class ParallelLines(Constraint):
         length = float(np.hypot(goal[0], goal[1]))
         if not (length >= MIN_LINE_PX and float(np.hypot(moving[0], moving[1])) >= MIN_LINE_PX):
             return np.array([np.nan])
-        return np.array([(goal[0] * moving[1] - goal[1] * moving[0]) / length])
+        return np.array([(moving[0] * goal[1] - moving[1] * goal[0]) / length])
 
     def lines(self) -> tuple[tuple[int, int], ...]:
         return ((0, 1), (2, 3))
