@@ -13,8 +13,8 @@ import numpy as np
 
 from vita.types import Array, Joint
 
-ARRIVED_RAD = 2e-4
-"""Nearer than this to the target counts as there; what was really moved is measured anyway."""
+ARRIVED_RAD = 1e-6
+"""Nearer than this to the target counts as there."""
 STILL_RAD = 2e-5
 STILL_PERIODS = 8
 """An arm that has not moved for so many periods will not come nearer (dead band, friction).
@@ -82,7 +82,7 @@ def _go_to(request: Exploring, sample: Sample) -> Generator[Exploring, Sample, S
         previous = sample
         sample = yield request
         step = float(np.abs(sample.q - previous.q).max())
-        if np.abs(sample.q - request.target).max() < ARRIVED_RAD and step < ARRIVED_RAD:
+        if np.abs(sample.q - request.target).max() < ARRIVED_RAD:
             return sample
         still = still + 1 if step < STILL_RAD else 0
     return sample

@@ -1,0 +1,234 @@
+"""Edits of the task: placing trackers on live images, constraints, undo, and what gets saved."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from vita import commands as cmd
+from vita.constraints import constraint_of
+from vita.errors import BadInput, UnknownName, Untrackable
+from vita.rig import SimulatedRig
+from vita.scenario.schema import ConstraintSpec, NoiseSpec, Scenario, TrackerSpec
+from vita.task import Slot, Task, free_name
+from vita.types import Array, Feature, Observation, frozen
+from vita.vision import ProjectedTracker, make_tracker
+from vita.vision.base import Tracker
+
+UNDO_DEPTH = 100
+
+
+class Editor:
+    """Holds the task with its history, and the latest feature of every tracker.
+
+    `origin` is where the arm and the trackers were at the last edit or Start, at rest. That pair
+    is what a saved file holds, so that opening it shows the task as it was drawn, not as it ended.
+    """
+
+    def __init__(self, rig: SimulatedRig, scenario: Scenario, seen: Observation) -> None:
+        self._rig = rig
+        self._home = seen.q
+        self.task = Task()
+        self.features: dict[str, Feature] = {}
+        self._past: list[Task] = []
+        self._future: list[Task] = []
+        self.load(scenario, seen)
+
+    @property
+    def can_undo(self) -> bool:
+        return bool(self._past)
+
+    @property
+    def can_redo(self) -> bool:
+        return bool(self._future)
+
+    # ---- every tick ----------------------------------------------------------------------------
+
+    def track(self, seen: Observation, lost: frozenset[str] = frozenset()) -> None:
+        """Update every tracker on the frames of `seen`; the names in `lost` are reported lost."""
+        features = {}
+        for slot in self.task.slots:
+            feature = slot.tracker.update(seen.frames[slot.spec.camera])
+            if slot.spec.name in lost:
+                feature = replace(feature, status="lost", score=0.0, detail="taken away by the script")
+            features[slot.spec.name] = feature
+        self.features = features
+
+    # ---- whole tasks ---------------------------------------------------------------------------
+
+    def start_pose(self, scenario: Scenario) -> Array:
+        """(n,) where the arm stands at the start of `scenario` [rad]."""
+        q0 = scenario.scene.q0_deg
+        return self._home if q0 is None else np.deg2rad(q0)
+
+    def same_scene(self, other: Scenario) -> bool:
+        """Whether `other` can run on this rig (its start pose may differ)."""
+        mine = replace(self._scenario.scene, q0_deg=None)
+        return mine == replace(other.scene, q0_deg=None) and self._scenario.camera == other.camera
+
+    def load(self, scenario: Scenario, seen: Observation) -> None:
+        """Take the trackers and constraints of `scenario`, placing each tracker on `seen`.
+
+        Raises `BadInput` naming the culprit; the old task is then kept.
+        """
+        task, features = Task(), {}
+        for spec in scenario.tracker:
+            placed = self._located(spec)
+            slot = Slot(placed, self._make(placed, seen))
+            task = task.with_tracker(slot)
+            features[spec.name] = slot.tracker.update(seen.frames[spec.camera])
+        for constraint in scenario.constraint:
+            task = task.with_constraint(constraint, features)
+        self._scenario = replace(scenario, script=(), expect=None)
+        self._replace_task(task, seen, features)
+
+    def _located(self, spec: TrackerSpec) -> TrackerSpec:
+        """An `attach` becomes the pixel where that point is seen now; pixels are all that an image
+        tracker gets."""
+        if spec.attach is None or spec.kind == "projected":
+            return spec
+        u, v = self._rig.project(spec.camera, spec.attach.body, spec.attach.point)
+        if not (np.isfinite(u) and np.isfinite(v)):
+            raise BadInput(
+                f"the attached point of {spec.attach.body!r} is behind camera {spec.camera!r}",
+                f"tracker {spec.name!r}",
+            )
+        return replace(spec, at=(float(u), float(v)), attach=None)
+
+    def _make(self, spec: TrackerSpec, seen: Observation) -> Tracker:
+        if spec.camera not in seen.frames:
+            raise UnknownName("camera", spec.camera, seen.frames)
+        frame = seen.frames[spec.camera]
+        seed = self._seed(spec.name)
+        if spec.kind == "projected":
+            if spec.attach is None:
+                raise BadInput("a projected tracker needs `attach`", f"tracker {spec.name!r}")
+            where = partial(self._rig.project, spec.camera, spec.attach.body, spec.attach.point)
+            size = (frame.shape[1], frame.shape[0])
+            return ProjectedTracker(where, spec.noise or NoiseSpec(), size=size, seed=seed)
+        assert spec.at is not None  # The file's validation and `_located` see to it.
+        try:
+            return make_tracker(spec.kind, frame, spec.at, size_px=spec.size_px, seed=seed)
+        except Untrackable as failure:
+            named = Untrackable(str(failure), f"tracker {spec.name!r} in the {spec.camera} view")
+            named.suggestion = getattr(failure, "suggestion", None)  # type: ignore[attr-defined]
+            raise named from None
+
+    def _seed(self, name: str) -> int:
+        """Each tracker has a noise of its own, so that adding one does not change the others'."""
+        seed = self._scenario.seed if hasattr(self, "_scenario") else 0
+        return zlib.crc32(name.encode()) ^ seed
+
+    # ---- single edits --------------------------------------------------------------------------
+
+    def apply(self, command: cmd.Command, seen: Observation) -> None:
+        """Carry out one edit. Raises `BadInput` and changes nothing when it cannot."""
+        task = self.task
+        match command:
+            case cmd.Undo():
+                self._step_history(self._past, self._future, "undo", seen)
+            case cmd.Redo():
+                self._step_history(self._future, self._past, "redo", seen)
+            case cmd.AddTracker():
+                self._commit(task.with_tracker(self._placed(command, seen)), seen)
+            case cmd.MoveTracker():
+                self._commit(task.with_moved(command.name, self._moved(command, seen)), seen)
+            case cmd.RenameTracker():
+                self._commit(task.renamed(command.name, command.new), seen)
+            case cmd.DeleteTracker():
+                self._commit(task.without_tracker(command.name), seen)
+            case cmd.AddConstraint():
+                title = constraint_of(command.kind).title
+                name = command.name or free_name(title, (c.name for c in task.constraints), "{} {}".format)
+                spec = ConstraintSpec(name, command.kind, tuple(command.points), command.weight)
+                self._commit(task.with_constraint(spec, self.features), seen)
+            case cmd.DeleteConstraint():
+                self._commit(task.without_constraint(command.name), seen)
+            case cmd.SetWeight():
+                self._commit(task.with_weight(command.name, command.weight), seen)
+            case cmd.ClearTask():
+                self._commit(Task(), seen)
+            case _:
+                raise UnknownName("edit", type(command).__name__, ())
+
+    def _placed(self, command: cmd.AddTracker, seen: Observation) -> Slot:
+        uv = _pixel(command.uv)
+        prefix = "G" if command.kind == "fixed" else "T"
+        name = command.name or free_name(prefix, self.task.names)
+        spec = TrackerSpec(name, command.camera, command.kind, uv)
+        if spec.kind == "projected":
+            raise BadInput("projected trackers come from scenario files; choose `auto` or `fixed`")
+        return Slot(spec, self._make(spec, seen))
+
+    def _moved(self, command: cmd.MoveTracker, seen: Observation) -> Slot:
+        """A new tracker object takes the name, so that undo can go back to the old one."""
+        spec = self.task.slot(command.name).spec
+        if spec.kind == "projected":
+            raise BadInput(f"{command.name!r} is a projected tracker; it cannot be moved by hand")
+        spec = replace(spec, at=_pixel(command.uv))
+        return Slot(spec, self._make(spec, seen))
+
+    def _commit(self, task: Task, seen: Observation) -> None:
+        if task == self.task:
+            return
+        self._past = [*self._past[-(UNDO_DEPTH - 1) :], self.task]
+        self._future = []
+        self._replace_task(task, seen)
+
+    def _step_history(self, source: list[Task], other: list[Task], what: str, seen: Observation) -> None:
+        if not source:
+            raise BadInput(f"nothing to {what}")
+        other.append(self.task)
+        self._replace_task(source.pop(), seen)
+
+    def _replace_task(
+        self, task: Task, seen: Observation, features: Mapping[str, Feature] | None = None
+    ) -> None:
+        self.task = task
+        if features is None:
+            self.track(seen)
+        else:
+            self.features = dict(features)
+        self.remember_start(seen)
+
+    # ---- saving --------------------------------------------------------------------------------
+
+    def remember_start(self, seen: Observation) -> None:
+        """Here, with the arm at rest, is what a saved file shows."""
+        self._origin_q = frozen(seen.q)
+        self._origin_uv = {name: feature.uv for name, feature in self.features.items()}
+
+    def to_save(self, seen: Observation) -> Scenario:
+        """The scenario that saving now would write."""
+        trackers = tuple(
+            slot.spec
+            if slot.spec.kind == "projected"
+            else replace(slot.spec, at=_rounded(self._origin_uv[slot.spec.name]))
+            for slot in self.task.slots
+        )
+        q0 = tuple(round(float(angle), 6) for angle in np.rad2deg(self._origin_q))
+        return replace(
+            self._scenario,
+            scene=replace(self._scenario.scene, q0_deg=q0),
+            tracker=trackers,
+            constraint=self.task.constraints,
+        )
+
+
+def _pixel(uv: object) -> tuple[float, float]:
+    try:
+        u, v = (float(x) for x in uv)  # type: ignore[attr-defined]
+    except (TypeError, ValueError):
+        raise BadInput(f"a pixel is a pair of numbers (column, row), got {uv!r}") from None
+    if not (np.isfinite(u) and np.isfinite(v)):
+        raise BadInput(f"a pixel needs finite numbers, got {uv!r}")
+    return u, v
+
+
+def _rounded(uv: Array) -> tuple[float, float]:
+    """A thousandth of a pixel is below every tracker's noise and keeps files readable."""
+    return round(float(uv[0]), 3), round(float(uv[1]), 3)

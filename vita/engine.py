@@ -1,0 +1,262 @@
+"""One tick of everything, in order: observe, track, stack the error, servo, command, publish.
+
+The engine has no thread and no wall clock that matters: time comes with the observation, seeds
+with the scenario. The browser's runner and a headless script run the same engine.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from vita import commands as cmd
+from vita.constraints import stack
+from vita.editing import Editor
+from vita.errors import BadInput, NotNow, UnknownName
+from vita.rig import SimulatedRig
+from vita.scenario.schema import Scenario
+from vita.servo import Controller, status_for
+from vita.servo.limits import apply_limits, change_joint_limit, change_setting
+from vita.snapshot import Snapshot
+from vita.stopwatch import Stopwatch
+from vita.types import ErrorVector, JointStep, Notice, Observation, Status
+
+
+class Engine:
+    """Owns the rig, the task and the servo."""
+
+    def __init__(
+        self, rig: SimulatedRig, scenario: Scenario, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self.rig = rig
+        self._watch = Stopwatch(clock)
+        self._tick = 0
+        self._notices: list[Notice] = []
+        self._lost_until: dict[str, float] = {}
+        self.controller = Controller(rig.joints, scenario.servo)
+        self.observation: Observation = rig.observe()
+        self.editor = Editor(rig, scenario, self.observation)
+        self.limits = scenario.limits
+        self.last_step: JointStep | None = None
+        self.error: ErrorVector = stack((), {})
+
+    # ---- one tick ------------------------------------------------------------------------------
+
+    def tick(self) -> Snapshot:
+        """Run one control period and publish it. Raises `RigOffline` when the rig is gone."""
+        watch = self._watch
+        watch.begin()
+        self.observation = self.rig.observe()
+        watch.lap("observe")
+        self.editor.track(self.observation, lost=self._forced_losses())
+        self.error = stack(self.editor.task.terms(), self.editor.features)
+        watch.lap("track")
+        self.last_step = self._decide()
+        self.rig.command(self.last_step)
+        watch.lap("servo")
+        self._tick += 1
+        snapshot = self.snapshot()
+        watch.lap("publish")
+        return snapshot
+
+    def _decide(self) -> JointStep | None:
+        controller, seen = self.controller, self.observation
+        if not controller.moving:
+            return None
+        self._check_trackers()
+        controller.joints = tuple(self.rig.joints)
+        decision = controller.tick(seen.stamp, seen.q, self.error)
+        if decision is None:
+            return None
+        scale = 1.0
+        if decision.exploring:
+            scale = min(1.0, self.limits.explore_speed_rad_s / self.limits.speed_rad_s)
+        return JointStep(decision.dq, seen.q, seen.stamp, scale)
+
+    def _check_trackers(self) -> None:
+        """Name the lost trackers; the controller itself only sees rows that are missing."""
+        task, features = self.editor.task, self.editor.features
+        used = {name for constraint in task.constraints for name in constraint.points}
+        lost = [s.spec for s in task.slots if s.spec.name in used and not features[s.spec.name].ok]
+        if lost:
+            places = ", ".join(f"{spec.name!r} in the {spec.camera} view" for spec in lost)
+            self.controller.halt("tracker_lost", culprit=f"tracker {places}")
+
+    def _forced_losses(self) -> frozenset[str]:
+        now = self.observation.stamp
+        return frozenset(name for name, until in self._lost_until.items() if now < until)
+
+    # ---- what people ask -----------------------------------------------------------------------
+
+    def apply(self, command: cmd.Command) -> None:
+        """Carry out one command. Raises `VitaError` and changes nothing when it cannot."""
+        handler = self._HANDLERS.get(type(command))
+        if handler is None:
+            raise UnknownName("command", type(command).__name__, (t.__name__ for t in self._HANDLERS))
+        handler(self, command)
+
+    def stop(self, reason: str = "stopped_by_user") -> None:
+        """Rest now: the arm brakes from the next gate cycle on."""
+        if self.controller.moving:
+            self.controller.halt(reason)
+        self.last_step = None
+        self.rig.command(None)
+
+    def fail(self, reason: str, culprit: str) -> None:
+        """A fault from outside (exception in the loop, rig gone): rest and say so."""
+        self.controller.status = status_for(reason, culprit=culprit)
+        self.controller.progress = ""
+
+    @property
+    def notices(self) -> tuple[Notice, ...]:
+        """The latest messages, oldest first."""
+        return tuple(self._notices)
+
+    def resume(self, other: Engine) -> None:
+        """Go on with the messages and the tick count of an engine whose place this one takes, so
+        that readers who compare numbers see them grow."""
+        self._tick = other._tick
+        self._notices = list(other._notices)
+
+    def say(self, text: str, level: str = "info") -> None:
+        """Tell the people at the page."""
+        number = self._notices[-1].id + 1 if self._notices else 1
+        self._notices = [*self._notices[-19:], Notice(number, level, text)]  # type: ignore[arg-type]
+
+    def _start(self, command: cmd.Start) -> None:
+        if self.controller.moving:
+            return
+        if self.controller.status.state == "fault":
+            raise NotNow("acknowledge the fault first; then press Start again")
+        task = self.editor.task
+        if not task.constraints:
+            raise BadInput("there is no constraint yet: pick a kind and click its features, then Start")
+        lost = [n for n, f in self.editor.features.items() if not f.ok]
+        used = {p for c in task.constraints for p in c.points}
+        if used.intersection(lost):
+            names = ", ".join(repr(n) for n in lost if n in used)
+            raise BadInput(f"lost tracker {names}: drag it onto its feature or delete it, then Start")
+        self.controller.joints = tuple(self.rig.joints)
+        self._check_joints()
+        self.editor.remember_start(self.observation)
+        self.controller.start(relearn=command.relearn)
+
+    def _check_joints(self) -> None:
+        count = len(self.rig.joints)
+        if any(j >= count for j in self.controller.config.joints or ()):
+            raise BadInput(f"this robot has joints 0 to {count - 1}", "servo.joints")
+
+    def _acknowledge(self, _: cmd.Acknowledge) -> None:
+        if self.controller.status.state == "fault":
+            self.controller.forget()
+        self.controller.acknowledge()
+
+    def _edit(self, command: cmd.Command) -> None:
+        if self.controller.moving:
+            raise NotNow("stop the arm first; a task cannot be edited while it moves")
+        before = self.editor.task
+        self.editor.apply(command, self.observation)
+        if self.editor.task is not before and self.controller.status.state in ("done", "hold"):
+            self.controller.status = Status()
+
+    def _set_servo(self, command: cmd.SetServo) -> None:
+        config = change_setting(self.controller.config, command.field, command.value, "servo")
+        previous, self.controller.config = self.controller.config, config
+        try:
+            self._check_joints()
+        except BadInput:
+            self.controller.config = previous
+            raise
+        if config.joints != previous.joints:
+            if self.controller.moving:
+                self.controller.config = previous
+                raise NotNow("stop the arm first; joints cannot be chosen while it moves")
+            self.controller.forget()
+
+    def _set_limits(self, command: cmd.SetLimits) -> None:
+        self.limits = change_setting(self.limits, command.field, command.value, "limits")
+        self.rig.set_limits(apply_limits(self.rig.joints, self.limits))
+
+    def _set_joint_limit(self, command: cmd.SetJointLimit) -> None:
+        self.limits = change_joint_limit(self.limits, self.rig.joints, command)
+        self.rig.set_limits(apply_limits(self.rig.joints, self.limits))
+
+    def _reset(self, _: cmd.ResetArm) -> None:
+        if self.controller.moving:
+            raise NotNow("stop the arm first")
+        self._back_to_start(self.editor.to_save(self.observation))
+
+    def _load(self, command: cmd.LoadTask) -> None:
+        if self.controller.moving:
+            raise NotNow("stop the arm first; then open the task")
+        scenario = command.scenario
+        if not self.editor.same_scene(scenario):
+            raise BadInput("this task needs another scene or other cameras; open it with a new rig")
+        self._back_to_start(scenario)
+        self.limits = scenario.limits
+        self.controller.config = scenario.servo
+        self.rig.set_limits(apply_limits(self.rig.joints, self.limits))
+
+    def _back_to_start(self, scenario: Scenario) -> None:
+        """Arm at the scenario's start pose and every tracker placed afresh; one undoable edit."""
+        self.rig.hard_reset(self.editor.start_pose(scenario))
+        self.observation = self.rig.observe()
+        self.editor.load(scenario, self.observation)
+        self.controller.forget()
+        self.controller.status = Status()
+
+    def _perform(self, command: cmd.Perform) -> None:
+        arguments = dict(command.arguments)
+        if command.action == "lose_tracker":
+            self.editor.task.slot(str(arguments.get("tracker")))
+            for_s = float(arguments.get("for_s", np.inf))  # type: ignore[arg-type]
+            self._lost_until[str(arguments["tracker"])] = self.observation.stamp + for_s
+        else:
+            self.rig.perform(command.action, **arguments)
+
+    _HANDLERS: dict[type, Callable[[Engine, cmd.Command], None]] = {  # type: ignore[assignment]
+        cmd.Start: _start,
+        cmd.Halt: lambda self, _: self.stop(),
+        cmd.Acknowledge: _acknowledge,
+        cmd.SetServo: _set_servo,
+        cmd.SetLimits: _set_limits,
+        cmd.SetJointLimit: _set_joint_limit,
+        cmd.ResetArm: _reset,
+        cmd.LoadTask: _load,
+        cmd.Perform: _perform,
+        **dict.fromkeys(
+            (
+                cmd.AddTracker, cmd.MoveTracker, cmd.RenameTracker, cmd.DeleteTracker, cmd.AddConstraint,
+                cmd.DeleteConstraint, cmd.SetWeight, cmd.ClearTask, cmd.Undo, cmd.Redo,
+            ),
+            _edit,
+        ),
+    }
+
+    # ---- what everybody sees -------------------------------------------------------------------
+
+    def snapshot(self) -> Snapshot:
+        """The state after the last tick."""
+        seen, editor, controller = self.observation, self.editor, self.controller
+        scenario = replace(editor.to_save(seen), servo=controller.config, limits=self.limits)
+        return Snapshot(
+            tick=self._tick,
+            stamp=seen.stamp,
+            status=controller.status,
+            q=seen.q,
+            joints=tuple(self.rig.joints),
+            frames=seen.frames,
+            features=dict(editor.features),
+            scenario=scenario,
+            error=self.error,
+            progress=controller.progress,
+            jacobian=controller.jacobian,
+            can_undo=editor.can_undo,
+            can_redo=editor.can_redo,
+            notices=self.notices,
+            timing=self._watch.timing(),
+            poses=self.rig.poses(),
+        )

@@ -1,0 +1,83 @@
+"""Watches a run and says when it is over, for better or worse.
+
+Each monitor looks at the recent past only and knows nothing of images or robots.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from vita.types import Array
+
+CONVERGED_PERIODS = 3
+DIVERGED_PERIODS = 3
+DIVERGED_JUMP_PX = 100.0
+"""The thesis' rule: an error that grows by so much in one step is lost."""
+STALL_PERIODS = 60
+DEAD_BAND_PERIODS = 10
+
+
+class Convergence:
+    """True once every component has been within the tolerance for a few periods."""
+
+    def __init__(self) -> None:
+        self._count = 0
+
+    def update(self, largest_px: float, tolerance_px: float) -> bool:
+        self._count = self._count + 1 if largest_px <= tolerance_px else 0
+        return self._count >= CONVERGED_PERIODS
+
+
+class Divergence:
+    """True when the error is well above its best for a few periods, or leaps in one."""
+
+    def __init__(self) -> None:
+        self.best = float("inf")
+        self._last = float("inf")
+        self._count = 0
+
+    def update(self, norm_px: float) -> bool:
+        leap = norm_px - self._last > DIVERGED_JUMP_PX
+        self.best, self._last = min(self.best, norm_px), norm_px
+        self._count = self._count + 1 if norm_px > 1.5 * self.best + 10.0 else 0
+        return leap or self._count >= DIVERGED_PERIODS
+
+
+class Stall:
+    """True when neither the error nor the arm has got anywhere for a while.
+
+    A slow arm on a long way makes little progress in the image but travels; it is not stalled.
+    """
+
+    def __init__(self) -> None:
+        self._past: deque[tuple[float, Array]] = deque(maxlen=STALL_PERIODS)
+
+    def update(self, norm_px: float, q: Array) -> bool:
+        self._past.append((norm_px, q))
+        if len(self._past) < STALL_PERIODS:
+            return False
+        errors = [norm for norm, _ in self._past]
+        half = STALL_PERIODS // 2
+        better = min(errors[half:]) < 0.95 * min(errors[:half])
+        travelled = float(np.abs(self._past[-1][1] - self._past[0][1]).max())
+        return not better and travelled < 0.01
+
+
+class DeadBand:
+    """True when the arm is asked to move and does not, at all (thesis 5.1.3)."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._last: Array | None = None
+
+    def update(self, q: Array, dq: Array) -> bool:
+        moved = self._last is None or float(np.abs(q - self._last).max()) > 1e-6
+        asked = float(np.abs(dq).max(initial=0.0)) > 1e-6
+        self._last = q
+        self._count = self._count + 1 if asked and not moved else 0
+        return self._count >= DEAD_BAND_PERIODS
+
+    def restart(self) -> None:
+        self._count = 0

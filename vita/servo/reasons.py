@@ -1,0 +1,77 @@
+"""Every reason for which the servo stops or refuses, with the sentence that people read.
+
+A sentence names the culprit and the next step. The codes are part of the file format
+(`expect.reason`).
+"""
+
+from __future__ import annotations
+
+from vita.types import State, Status
+
+REASONS: dict[str, tuple[State, str]] = {
+    "": ("idle", "Ready."),
+    "converged": ("done", "Done: every error is below {tolerance:g} px."),
+    "dead_band": (
+        "done",
+        "As close as this robot can: {error:.1f} px are left and the steps it would need are smaller "
+        "than it carries out.",
+    ),
+    "stopped_by_user": ("hold", "Stopped. Press Start to go on."),
+    "tracker_lost": (
+        "hold",
+        "Lost {culprit}. Drag the marker back onto its feature (or delete it), then press Start.",
+    ),
+    "stalled": (
+        "hold",
+        "No more progress at {error:.1f} px; the worst is {culprit}. The constraints may contradict one "
+        "another, or the goal is out of reach.",
+    ),
+    "joint_limit": (
+        "hold",
+        "{culprit} is at its limit and the goal lies beyond. Widen the limit, or choose other joints or "
+        "another goal.",
+    ),
+    "timeout": ("hold", "Not done after {timeout:g} s; {error:.1f} px are left. Press Start to go on."),
+    "no_effect": (
+        "hold",
+        "The exploratory motions did not move any constraint. Put a moving tracker on the arm, or use "
+        "other joints.",
+    ),
+    "joint_stuck": (
+        "hold",
+        "{culprit} did not carry out its exploratory motion. Check its limits, or leave it out.",
+    ),
+    "diverged": (
+        "fault",
+        "The error was growing ({error:.0f} px, best {best:.0f} px), so the arm was stopped. Acknowledge, "
+        "lower the gain, and Start learns again.",
+    ),
+    "numerical": ("fault", "Numerical failure in the servo: {culprit}. Acknowledge, then Start learns again."),
+    "bad_measurement": ("fault", "The robot reported an impossible joint position. The arm was stopped."),
+    "internal_error": ("fault", "Internal error: {culprit}. The arm was stopped; Acknowledge to go on."),
+    "rig_offline": ("offline", "The simulation does not answer: {culprit}. Restart it."),
+    "frozen_feed": ("hold", "Camera {culprit} stopped sending new images. Press Start when it is back."),
+}
+
+
+class _Blank(dict[str, object]):
+    """Facts that a sentence asks for but nobody gave read as a dash or NaN, never as a crash."""
+
+    def __missing__(self, key: str) -> object:
+        return "?" if key == "culprit" else float("nan")
+
+
+def status_for(reason: str, **facts: object) -> Status:
+    """The state that a reason leads to and its sentence. Raises `KeyError` on an unknown reason."""
+    state, sentence = REASONS[reason]
+    return Status(state, reason, sentence.format_map(_Blank(facts)))
+
+
+def outcome_of(status: Status) -> str:
+    """The verdict of a run in the words of the scenario file: `converged`, `limited`, `held`,
+    `fault` or `timeout`."""
+    if status.reason == "timeout":
+        return "timeout"
+    if status.state == "done":
+        return "limited" if status.reason == "dead_band" else "converged"
+    return "fault" if status.state in ("fault", "offline", "estop") else "held"
