@@ -1,0 +1,47 @@
+"""Holds the end of a run against the scenario's `[expect]` table."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vita.rig import SimulatedRig
+from vita.scenario.schema import Scenario
+from vita.servo import outcome_of
+from vita.types import Status
+
+
+def final_distance_mm(rig: SimulatedRig, scenario: Scenario) -> float | None:
+    """Ground truth of the distance that the scenario asks about, now [mm]."""
+    wanted = scenario.expect.final_distance_mm if scenario.expect else None
+    if wanted is None:
+        return None
+    gap = rig.locate(wanted.of, wanted.point) - rig.locate(wanted.to, wanted.at)
+    return 1e3 * float(np.linalg.norm(gap))
+
+
+def judged(
+    scenario: Scenario,
+    status: Status,
+    ended_s: float,
+    error_px: float,
+    distance_mm: float | None,
+    motion_after_deg: float,
+) -> dict[str, bool]:
+    """Each expectation and whether it was met. Comparisons are written so that NaN fails."""
+    expect = scenario.expect
+    if expect is None:
+        return {}
+    verdict: dict[str, bool] = {}
+    if expect.outcome is not None:
+        verdict["outcome"] = outcome_of(status) == expect.outcome
+    if expect.reason is not None:
+        verdict["reason"] = status.reason == expect.reason
+    if expect.within_s is not None:
+        verdict["within_s"] = ended_s <= expect.within_s
+    if expect.final_error_px is not None:
+        verdict["final_error_px"] = error_px <= expect.final_error_px
+    if expect.final_distance_mm is not None:
+        verdict["final_distance_mm"] = distance_mm is not None and distance_mm <= expect.final_distance_mm.max
+    if expect.max_joint_motion_after_deg is not None:
+        verdict["max_joint_motion_after_deg"] = motion_after_deg <= expect.max_joint_motion_after_deg
+    return verdict
