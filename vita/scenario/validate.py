@@ -1,0 +1,240 @@
+"""Whether a scenario makes sense: names, references, ranges. Every error carries the culprit's path.
+
+`from_plain` is the one gate: files, `--set` and scenarios made in Python all pass through it, so
+that nobody can bring in what another would refuse.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from vita.errors import BadInput, UnknownName
+from vita.scenario import names
+from vita.scenario.actions import checked_action
+from vita.scenario.limits import check_numbers
+from vita.scenario.schema import SCHEMA, CameraSpec, ConstraintSpec, Scenario, ScriptSpec, TrackerSpec
+from vita.scenario.typed import build, plain, whole
+from vita.types import Joint
+
+DEG = math.degrees(1.0)
+"""Degrees in a radian."""
+
+
+def validate(scenario: Scenario) -> Scenario:
+    """The same scenario in its exact types (lists to tuples, 1 to 1.0); raises `BadInput`."""
+    return from_plain(plain(scenario))
+
+
+def from_plain(table: Mapping[str, Any]) -> Scenario:
+    """The scenario of a plain table such as a TOML parser gives; raises `BadInput`."""
+    _check_schema(table)
+    scenario: Scenario = build(Scenario, table)
+    script = tuple(checked_action(entry, f"script[{i}]") for i, entry in enumerate(scenario.script))
+    scenario = replace(scenario, script=script)
+    check_numbers(scenario)
+    robot = _robot(scenario)
+    bodies = _check_scene(scenario, robot.links)
+    cameras = _check_cameras(scenario.camera, robot.links)
+    trackers = _check_trackers(scenario.tracker, cameras, bodies)
+    _check_constraints(scenario.constraint, trackers)
+    _check_joints(scenario, robot.joints)
+    for i, entry in enumerate(script):
+        _check_references(entry, f"script[{i}]", scenario, len(robot.joints))
+    _check_expect(scenario, bodies, cameras)
+    return scenario
+
+
+def _check_schema(table: Mapping[str, Any]) -> None:
+    if "schema" not in table:
+        raise BadInput(f"the key is missing; a scenario file starts with `schema = {SCHEMA}`", "schema")
+    version = whole(table["schema"], "schema")
+    if version > SCHEMA:
+        raise BadInput(f"{version} was made by a newer vita; this one reads up to {SCHEMA}", "schema")
+    if version < 1:
+        raise BadInput(f"there is no schema {version}; write `schema = {SCHEMA}`", "schema")
+
+
+def _robot(scenario: Scenario) -> names.RobotNames:
+    try:
+        return names.robot(scenario.scene.robot)
+    except BadInput as error:
+        error.args = (f"scene.robot: {error}",)
+        error.path = "scene.robot"
+        raise
+
+
+def known(what: str, name: str, choices: Iterable[str], path: str) -> None:
+    """Raise `UnknownName` unless `name` is among the choices."""
+    choices = tuple(choices)
+    if name not in choices:
+        raise UnknownName(what, name[:80], choices, path)
+
+
+def _unique(specs: Sequence[Any], path: str) -> None:
+    seen: dict[str, int] = {}
+    for i, spec in enumerate(specs):
+        if spec.name in seen:
+            raise BadInput(
+                f"the name {spec.name!r} is taken by {path}[{seen[spec.name]}]", f"{path}[{i}].name"
+            )
+        seen[spec.name] = i
+
+
+def _check_scene(scenario: Scenario, links: Sequence[str]) -> tuple[str, ...]:
+    """The names of all bodies in the scene."""
+    scene = scenario.scene
+    known("tool", scene.tool, names.tools(), "scene.tool")
+    _unique(scene.objects, "scene.objects")
+    for i, spec in enumerate(scene.objects):
+        path = f"scene.objects[{i}]"
+        known("object kind", spec.kind, names.object_kinds(), f"{path}.kind")
+        if spec.name in ("world", *links):
+            raise BadInput(f"the name {spec.name!r} is taken by the robot", f"{path}.name")
+        if spec.mount is not None:
+            known("link", spec.mount, links, f"{path}.mount")
+    return ("world", *links, *(spec.name for spec in scene.objects))
+
+
+def _check_cameras(cameras: Sequence[CameraSpec], links: Sequence[str]) -> dict[str, CameraSpec]:
+    _unique(cameras, "camera")
+    for i, camera in enumerate(cameras):
+        path = f"camera[{i}]"
+        if camera.mount is not None:
+            for key in ("look_from", "look_at"):
+                if getattr(camera, key) is not None:
+                    raise BadInput("give either mount or look_from and look_at, not both", f"{path}.{key}")
+            known("link", camera.mount, links, f"{path}.mount")
+            continue
+        for key in ("look_from", "look_at"):
+            if getattr(camera, key) is None:
+                raise BadInput("a camera needs look_from and look_at, or mount", f"{path}.{key}")
+        for key in ("xyz", "rpy_deg"):
+            if any(getattr(camera, key)):
+                raise BadInput("belongs to a camera with mount; use look_from here", f"{path}.{key}")
+        if camera.look_from == camera.look_at:
+            raise BadInput("the camera cannot look at the place where it stands", f"{path}.look_at")
+    return {camera.name: camera for camera in cameras}
+
+
+def _check_trackers(
+    trackers: Sequence[TrackerSpec], cameras: Mapping[str, CameraSpec], bodies: Sequence[str]
+) -> dict[str, TrackerSpec]:
+    _unique(trackers, "tracker")
+    for i, tracker in enumerate(trackers):
+        path = f"tracker[{i}]"
+        known("camera", tracker.camera, cameras, f"{path}.camera")
+        known("tracker kind", tracker.kind, names.tracker_kinds(), f"{path}.kind")
+        if tracker.at is not None and tracker.attach is not None:
+            raise BadInput("give either at or attach, not both", f"{path}.attach")
+        if tracker.attach is not None:
+            known("body", tracker.attach.body, bodies, f"{path}.attach.body")
+        elif tracker.kind == "projected":
+            raise BadInput("a projected tracker needs attach = { body = ..., point = [...] }", path)
+        elif tracker.at is None:
+            raise BadInput("a tracker needs at = [u, v] or attach = { body = ..., point = [...] }", path)
+        if tracker.at is not None and tracker.kind != "fixed":
+            _check_seen(tracker.at, cameras[tracker.camera], f"{path}.at")
+        if tracker.noise is not None:
+            if tracker.kind != "projected":
+                raise BadInput("only a projected tracker has a noise model", f"{path}.noise")
+            known("noise kind", tracker.noise.kind, names.noise_kinds(), f"{path}.noise.kind")
+            if tracker.noise.sigma_px and tracker.noise.kind != "gaussian":
+                raise BadInput("belongs to the gaussian noise", f"{path}.noise.sigma_px")
+    return {tracker.name: tracker for tracker in trackers}
+
+
+def _check_seen(at: tuple[float, float], camera: CameraSpec, path: str) -> None:
+    """Refuse a start outside the image. The margin lets a task be saved while a tracker sits at its edge."""
+    margin_px = 16
+    for value, size in zip(at, camera.size, strict=True):
+        if not -margin_px <= value <= size - 1 + margin_px:
+            w, h = camera.size
+            raise BadInput(f"{list(at)} lies outside the image of {camera.name!r} ({w} x {h} px)", path)
+
+
+def _check_constraints(constraints: Sequence[ConstraintSpec], trackers: Mapping[str, TrackerSpec]) -> None:
+    _unique(constraints, "constraint")
+    arities = names.constraint_arities()
+    for i, spec in enumerate(constraints):
+        path = f"constraint[{i}]"
+        known("constraint kind", spec.kind, arities, f"{path}.kind")
+        if len(spec.points) != arities[spec.kind]:
+            raise BadInput(
+                f"{spec.kind} ties {arities[spec.kind]} trackers, got {len(spec.points)}", f"{path}.points"
+            )
+        for j, name in enumerate(spec.points):
+            known("tracker", name, trackers, f"{path}.points[{j}]")
+            if name in spec.points[:j]:
+                raise BadInput(f"{name!r} is used twice in one constraint", f"{path}.points[{j}]")
+            first, here = trackers[spec.points[0]].camera, trackers[name].camera
+            if here != first:
+                raise BadInput(
+                    f"{name!r} is in camera {here!r} and {spec.points[0]!r} in {first!r}; "
+                    "each view has its own constraint",
+                    f"{path}.points[{j}]",
+                )
+
+
+def _check_joints(scenario: Scenario, joints: Sequence[Joint]) -> None:
+    n, robot = len(joints), scenario.scene.robot
+    q0 = scenario.scene.q0_deg
+    if q0 is not None and len(q0) != n:
+        raise BadInput(f"{robot} has {n} joints, got {len(q0)} angles", "scene.q0_deg")
+    for i, value in enumerate(q0 or ()):
+        low, high = joints[i].lower * DEG, joints[i].upper * DEG
+        if not low - 1e-6 <= value <= high + 1e-6:
+            path = f"scene.q0_deg[{i}]"
+            raise BadInput(f"{value:g} is outside the joint's {low:.1f} to {high:.1f} deg", path)
+    for i, joint in enumerate(scenario.servo.joints or ()):
+        if joint >= n:
+            raise BadInput(f"{robot} has the joints 0 to {n - 1}, got {joint}", f"servo.joints[{i}]")
+    seen = set()
+    for i, limit in enumerate(scenario.limits.joint):
+        path = f"limits.joint[{i}]"
+        if not 0 <= limit.joint < n:
+            raise BadInput(f"{robot} has the joints 0 to {n - 1}, got {limit.joint}", f"{path}.joint")
+        if limit.joint in seen:
+            raise BadInput(f"joint {limit.joint} is listed twice", f"{path}.joint")
+        seen.add(limit.joint)
+        own = joints[limit.joint]
+        low = own.lower * DEG if limit.lower_deg is None else limit.lower_deg
+        high = own.upper * DEG if limit.upper_deg is None else limit.upper_deg
+        if low >= high:
+            raise BadInput(f"the lower limit {low:g} is not below the upper {high:g} deg", path)
+
+
+def _check_references(entry: ScriptSpec, path: str, scenario: Scenario, n: int) -> None:
+    choices = {
+        "camera": [c.name for c in scenario.camera],
+        "tracker": [t.name for t in scenario.tracker],
+        "object": [o.name for o in scenario.scene.objects],
+    }
+    for key, names_ in choices.items():
+        if key in entry.arguments:
+            known(key, entry.arguments[key], names_, f"{path}.{key}")
+    if entry.do == "push_robot" and not 1 <= len(entry.arguments["dq_deg"]) <= n:
+        raise BadInput(
+            f"{scenario.scene.robot} has {n} joints, got {len(entry.arguments['dq_deg'])} angles",
+            f"{path}.dq_deg",
+        )
+    if entry.do == "set" and entry.arguments["field"] == "servo.joints":
+        for joint in entry.arguments["value"]:
+            if joint >= n:
+                raise BadInput(f"the robot has the joints 0 to {n - 1}, got {joint}", f"{path}.value")
+
+
+def _check_expect(scenario: Scenario, bodies: Sequence[str], cameras: Iterable[str]) -> None:
+    expect = scenario.expect
+    if expect is None:
+        return
+    if expect.outcome is not None:
+        known("outcome", expect.outcome, names.OUTCOMES, "expect.outcome")
+    if expect.reason is not None:
+        known("reason", expect.reason, names.reasons(), "expect.reason")
+    if expect.final_distance_mm is not None:
+        places = (*bodies, *(f"camera:{name}" for name in cameras))
+        for key in ("of", "to"):
+            known("body", getattr(expect.final_distance_mm, key), places, f"expect.final_distance_mm.{key}")

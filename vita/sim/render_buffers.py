@@ -1,0 +1,101 @@
+"""What the OpenGL renderer keeps on the graphics side: meshes, and the framebuffers of each camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+
+from vita.sim.render_cache import StillBodies
+from vita.types import Image, Visual
+
+
+class Part:
+    """The triangles of one body that share a texture, on the graphics side."""
+
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        group: Sequence[Visual],
+        programs: tuple[moderngl.Program, moderngl.Program, moderngl.Program],
+    ) -> None:
+        """`programs` are those for plain and printed surfaces and the one for distances."""
+        plain, printed, metric = programs
+        self.body = group[0].body
+        picture = group[0].texture
+        self._texture = None if picture is None else _texture(ctx, picture)
+        self.program = plain if picture is None else printed
+        rows, faces, start = [], [], 0
+        for visual in group:
+            count = len(visual.vertices)
+            uv = visual.uv if visual.uv is not None else np.zeros((count, 2))
+            color = np.broadcast_to(visual.color, (count, 3))
+            rows.append(np.hstack([visual.vertices, visual.normals, color, uv]))
+            faces.append(np.asarray(visual.faces) + start)
+            start += count
+        vertices = ctx.buffer(np.vstack(rows).astype("f4").tobytes())
+        indices = ctx.buffer(np.vstack(faces).astype("i4").tobytes())
+        layout = ("3f 3f 3f 8x", "position", "normal", "color")
+        if picture is not None:
+            layout = ("3f 3f 3f 2f", "position", "normal", "color", "uv")
+        self._shaded = ctx.vertex_array(self.program, [(vertices, *layout)], indices)
+        self._metric = ctx.vertex_array(metric, [(vertices, "3f 32x", "position")], indices)
+
+    def draw(self, metric: bool) -> None:
+        if metric:
+            self._metric.render()
+            return
+        if self._texture is not None:
+            self._texture.use(0)
+        self._shaded.render()
+
+
+class View:
+    """The framebuffers and the cached background of one camera."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], scale: int) -> None:
+        def target() -> moderngl.Framebuffer:
+            drawn = (scale * size[0], scale * size[1])
+            color = ctx.texture(drawn, 4)
+            color.repeat_x = color.repeat_y = False
+            return ctx.framebuffer([color], ctx.depth_renderbuffer(drawn))
+
+        self.size = size
+        self.live, self.background = target(), target()
+        self.small = ctx.framebuffer([ctx.renderbuffer(size, 4)]) if scale > 1 else None
+        self._ranges: moderngl.Framebuffer | None = None
+        self.still = StillBodies()
+        self.picture = np.zeros((size[1], size[0], 3), np.uint8)
+
+    def ranges(self, ctx: moderngl.Context) -> moderngl.Framebuffer:
+        """The framebuffer for distances, made at the first use."""
+        if self._ranges is None:
+            color = ctx.renderbuffer(self.size, 1, dtype="f4")
+            self._ranges = ctx.framebuffer([color], ctx.depth_renderbuffer(self.size))
+        return self._ranges
+
+    def release(self) -> None:
+        for target in (self.live, self.background, self.small, self._ranges):
+            if target is not None:
+                for part in (*target.color_attachments, target.depth_attachment):
+                    if part is not None:
+                        part.release()
+                target.release()
+
+
+def same_texture(visuals: Sequence[Visual]) -> list[list[Visual]]:
+    """Visuals that can be drawn in one call: same body, same texture."""
+    groups: dict[tuple, list[Visual]] = {}
+    for visual in visuals:
+        groups.setdefault((visual.body, id(visual.texture)), []).append(visual)
+    return list(groups.values())
+
+
+def _texture(ctx: moderngl.Context, picture: Image) -> moderngl.Texture:
+    height, width, _ = picture.shape
+    texture = ctx.texture((width, height), 3, np.ascontiguousarray(picture).tobytes(), alignment=1)
+    texture.build_mipmaps()
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    texture.repeat_x = texture.repeat_y = False
+    return texture

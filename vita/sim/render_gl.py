@@ -1,0 +1,237 @@
+"""The OpenGL renderer: a few draw calls per body, and a background that is drawn once.
+
+Most of a servoing scene stands still, and on software OpenGL every pixel costs. So each camera keeps
+the samples (colour and depth) of everything that stands still, and a frame copies them and draws only
+what moves, inside the rectangle that the moving bodies cover. Copying samples loses nothing: the
+picture equals a full drawing to the bit.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+from typing import cast
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from vita.errors import BadInput
+from vita.sim.camera import PinholeCamera
+from vita.sim.render import FAR_M, NEAR_M, body_poses
+from vita.sim.render_buffers import Part, View, same_texture
+from vita.sim.shaders import BACKDROP, METRIC, PLAIN, PRINTED, SHRINK
+from vita.types import Array, Image, Visual
+
+MOST_VIEWS = 16
+"""Cameras whose buffers are kept; the oldest gives way."""
+MARGIN_PX = 2
+"""Widens the rectangle of the moving bodies, for antialiased edges [px]."""
+
+
+class GlRenderer:
+    """Draws with moderngl on a context without a window (EGL; Mesa's software driver will do)."""
+
+    name = "gl"
+
+    def __init__(self, visuals: Sequence[Visual], samples: int = 4, cache: bool = True) -> None:
+        """`cache=False` draws everything anew each time (for tests and benchmarks)."""
+        self._thread = threading.get_ident()
+        self._ctx = moderngl.create_context(standalone=True, backend="egl")  # pyright: ignore[reportArgumentType]
+        with self._ctx:
+            # Drawing at twice the size costs less than multisampling here, as Mesa's software driver is
+            # slow at small multisampled triangles, and it smooths what is printed on things as well.
+            self._scale = 2 if samples else 1
+            self._plain, self._metric = self._ctx.program(*PLAIN), self._ctx.program(*METRIC)
+            programs = (self._plain, self._ctx.program(*PRINTED), self._metric)
+            self._backdrop = self._ctx.program(*BACKDROP)
+            self._backdrop_array = self._ctx.vertex_array(self._backdrop, [])
+            self._shrink = self._ctx.program(*SHRINK)
+            self._shrink_array = self._ctx.vertex_array(self._shrink, [])
+            self._parts = [Part(self._ctx, group, programs) for group in same_texture(visuals)]
+            # The surroundings come last: what they would draw behind the others is then left out early.
+            self._parts.sort(key=lambda part: part.body == "world")
+            self._views: dict[tuple, View] = {}
+        self._bodies = tuple(dict.fromkeys(part.body for part in self._parts))
+        self._corners = {body: _corners(visuals, body) for body in self._bodies}
+        self._cache = cache
+
+    def render(self, camera: PinholeCamera, T_world_camera: Array, poses: Mapping[str, Array]) -> Image:
+        """(height, width, 3) RGB picture, read-only."""
+        placed, T = self._checked(poses), np.asarray(T_world_camera, dtype=float)
+        whole = (0, 0, *camera.size)
+        with self._ctx:
+            view = self._view(camera)
+            if not self._cache:
+                self._draw_all(view.live, camera, T, placed, self._bodies)
+                return _frozen(self._read(view, view.live, whole))
+            view.still.see(camera.fov_deg, T, placed)
+            if view.still.stale:
+                view.still.renew()
+                self._draw_all(view.background, camera, T, placed, view.still.bodies)
+                view.picture = _frozen(self._read(view, view.background, whole))
+            moving = [body for body in self._bodies if body not in view.still.bodies]
+            box = self._box(camera, T, placed, moving) if moving else None
+            if box is None:
+                return view.picture
+            # The whole background is copied, as that is a plain memory copy in the driver; drawing and
+            # reading are limited to the box.
+            _use(view.live, None)
+            self._ctx.copy_framebuffer(view.live, view.background)
+            _use(view.live, [self._scale * edge for edge in box])
+            self._draw_bodies(camera, T, placed, moving)
+            _use(view.live, None)
+            picture = view.picture.copy()
+            x, y, width, height = box
+            picture[y : y + height, x : x + width] = self._read(view, view.live, box)
+            return _frozen(picture)
+
+    def depth(
+        self, camera: PinholeCamera, T_world_camera: Array, poses: Mapping[str, Array]
+    ) -> NDArray[np.float32]:
+        """(height, width) distance along the optical axis [m]; inf where nothing is drawn."""
+        placed, T = self._checked(poses), np.asarray(T_world_camera, dtype=float)
+        width, height = camera.size
+        with self._ctx:
+            view = self._view(camera)
+            target = view.ranges(self._ctx)
+            target.use()
+            target.clear(red=np.inf, depth=1.0)
+            self._draw_bodies(camera, T, placed, self._bodies, metric=True)
+            values = np.frombuffer(target.read(components=1, dtype="f4"), np.float32)
+        return values.reshape(height, width)
+
+    def close(self) -> None:
+        """Give the context and all that it holds back."""
+        if self._views is not None:
+            self._ctx.release()
+            self._views = {}
+
+    def _checked(self, poses: Mapping[str, Array]) -> dict[str, Array]:
+        if threading.get_ident() != self._thread:
+            raise BadInput("a renderer draws only in the thread that made it")
+        return body_poses(self._bodies, poses)
+
+    def _view(self, camera: PinholeCamera) -> View:
+        key = (camera.name, camera.size)
+        if key not in self._views:
+            if len(self._views) >= MOST_VIEWS:
+                self._views.pop(next(iter(self._views))).release()
+            self._views[key] = View(self._ctx, camera.size, self._scale)
+        return self._views[key]
+
+    def _draw_all(self, target, camera: PinholeCamera, T: Array, placed: Mapping[str, Array], bodies) -> None:
+        """Draw `bodies` and, where they leave it free, the backdrop into `target` from scratch."""
+        target.use()
+        target.clear(depth=1.0)
+        self._draw_bodies(camera, T, placed, bodies)
+        f, (width, height) = camera.focal_px, camera.size
+        ray = T[:3, :3] @ np.diag([0.5 * width / f, 0.5 * height / f, 1.0])
+        _put(self._backdrop, "world_from_ndc", ray.T)
+        self._ctx.enable_only(moderngl.DEPTH_TEST)
+        self._ctx.depth_func = "<="
+        self._backdrop_array.render(moderngl.TRIANGLES, vertices=3)
+
+    def _draw_bodies(self, camera: PinholeCamera, T: Array, placed, bodies, metric: bool = False) -> None:
+        """Draw `bodies`, or their distances, over what the bound framebuffer holds."""
+        ctx = self._ctx
+        ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        # Row 0 of the framebuffer is the top row of the picture, so that front faces turn the other way.
+        ctx.front_face = "cw"
+        ctx.depth_func = "<"
+        camera_from_world = _inverse(T)
+        clip_from_camera = clip_matrix(camera)
+        for part in self._parts:
+            if part.body not in bodies:
+                continue
+            # Things lying flush on the table or floor win over it.
+            ctx.polygon_offset = (1.0, 2.0) if part.body == "world" else (0.0, 0.0)
+            pose = placed[part.body]
+            camera_from_body = camera_from_world @ pose
+            program = self._metric if metric else part.program
+            _put(program, "clip_from_body", (clip_from_camera @ camera_from_body).T)
+            if metric:
+                _put(program, "distance_from_body", camera_from_body[2])
+            else:
+                _put(program, "world_from_body", pose.T)
+                if program is self._plain:  # Printed paper has no highlight.
+                    _put(program, "eye", T[:3, 3])
+            part.draw(metric)
+
+    def _read(self, view: View, source: moderngl.Framebuffer, box: tuple[int, int, int, int]) -> Image:
+        """The part of the picture in `box` (x, y, width, height), shrunk to the picture's size."""
+        x, y, width, height = box
+        if view.small is not None:
+            _use(view.small, box)
+            self._ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+            cast(moderngl.Texture, source.color_attachments[0]).use(0)
+            _put(self._shrink, "step", np.array([1.0 / n for n in view.size]))
+            self._shrink_array.render(moderngl.TRIANGLES, vertices=3)
+            source = view.small
+        # Four components: three make the driver convert every pixel, which costs more than all else.
+        raw = source.read(viewport=box, components=4)
+        return np.ascontiguousarray(np.frombuffer(raw, np.uint8).reshape(height, width, 4)[:, :, :3])
+
+    def _box(self, camera: PinholeCamera, T: Array, placed, bodies) -> tuple[int, int, int, int] | None:
+        """(x, y, width, height) of the pixels that `bodies` can touch; None when there are none."""
+        width, height = camera.size
+        low, high = np.full(2, np.inf), np.full(2, -np.inf)
+        for body in bodies:
+            pose = placed[body]
+            points = self._corners[body] @ pose[:3, :3].T + pose[:3, 3]
+            if ((points - T[:3, 3]) @ T[:3, 2]).min() < NEAR_M:
+                return (0, 0, width, height)
+            uv = camera.project(T, points)
+            low, high = np.minimum(low, uv.min(axis=0)), np.maximum(high, uv.max(axis=0))
+        x0, y0 = (max(0, int(np.floor(min(v, 1e6))) - MARGIN_PX) for v in low)
+        x1, y1 = (
+            min(n, int(np.ceil(max(v, -1e6))) + MARGIN_PX + 1) for v, n in zip(high, camera.size, strict=True)
+        )
+        return (x0, y0, x1 - x0, y1 - y0) if x1 > x0 and y1 > y0 else None
+
+
+def _inverse(T: Array) -> Array:
+    """The inverse of a rigid pose."""
+    inverse = np.eye(4)
+    inverse[:3, :3] = T[:3, :3].T
+    inverse[:3, 3] = -T[:3, :3].T @ T[:3, 3]
+    return inverse
+
+
+def clip_matrix(camera: PinholeCamera) -> Array:
+    """(4, 4) OpenGL clip coordinates from camera coordinates, with the picture's rows downwards."""
+    (width, height), f = camera.size, camera.focal_px
+    span = FAR_M - NEAR_M
+    return np.array(
+        [
+            [2 * f / width, 0, 0, 0],
+            [0, 2 * f / height, 0, 0],
+            [0, 0, (FAR_M + NEAR_M) / span, -2 * FAR_M * NEAR_M / span],
+            [0, 0, 1, 0],
+        ]
+    )
+
+
+def _corners(visuals: Sequence[Visual], body: str) -> Array:
+    """(8, 3) corners of the box around a body, in its own frame [m]."""
+    points = np.vstack([visual.vertices for visual in visuals if visual.body == body])
+    low, high = points.min(axis=0), points.max(axis=0)
+    return np.array(
+        [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    )
+
+
+def _frozen(picture: NDArray[np.uint8]) -> Image:
+    picture.setflags(write=False)
+    return picture
+
+
+def _put(program: moderngl.Program, name: str, values: Array) -> None:
+    """Set a uniform; matrices go in column by column."""
+    cast(moderngl.Uniform, program[name]).write(np.asarray(values, np.float32).tobytes())
+
+
+def _use(target: moderngl.Framebuffer, box: Sequence[int] | None) -> None:
+    """Draw into `target` from now on, only within `box` (x, y, width, height) if given."""
+    target.scissor = None if box is None else tuple(box)  # pyright: ignore[reportAttributeAccessIssue]
+    target.use()

@@ -1,0 +1,162 @@
+"""The robots: two Barrett WAMs by name, and any URDF by its path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from vita.assets import asset
+from vita.errors import BadInput, UnknownName
+from vita.sim.dh import DHChain
+from vita.sim.urdf import Urdf, UrdfJoint
+from vita.sim.urdf_file import read_urdf
+from vita.sim.urdf_visuals import urdf_visuals
+from vita.sim.wam import READY, SHOULDER_HEIGHT, WAM, WAMS
+from vita.types import Array, Joint, Visual, frozen
+
+ROBOTS: tuple[str, ...] = tuple(WAMS)
+"""The robots that ship."""
+
+RESERVED = ("world", "flange", "tool")
+"""Body names with a meaning of their own; a foreign link of that name becomes `NAME_link`."""
+DEFAULT_SPEED = 1.0
+"""Speed limit of a joint whose URDF gives none [rad/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class RobotModel:
+    """An arm: its joints, where its links are, and what they look like."""
+
+    name: str
+    joints: tuple[Joint, ...]
+    """The joints from the base to the tool. A sliding joint of a foreign URDF has metres for radians."""
+    q_ready: Array
+    """(n,) a good start pose: elbow bent, hand in front over the table [rad]."""
+    urdf: Path
+    link_names: tuple[str, ...]
+    """Body names, parents first; the last one carries the flange. The WAMs: base, link1, ..., linkN."""
+    T_last_tool: Array
+    """(4, 4) tool frame in the last link's frame; z points out of the flange."""
+    chain: DHChain | None
+    """Denavit-Hartenberg parameters in the base frame; None for foreign URDFs."""
+    T_world_base: Array
+    """(4, 4) where the base stands. The WAM's base frame is its shoulder, 0.346 m above z = 0."""
+    tree: Urdf = field(repr=False)
+    """The parsed URDF."""
+    bodies: dict[str, str] = field(repr=False)
+    """URDF link name to body name."""
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @cached_property
+    def urdf_joints(self) -> tuple[UrdfJoint, ...]:
+        """What the URDF says about each of `joints`, in the same order."""
+        by_name = {joint.name: joint for joint in self.tree.joints}
+        return tuple(by_name[joint.name] for joint in self.joints)
+
+    def poses(self, q: Sequence[float] | Array) -> dict[str, Array]:
+        """Body name to (4, 4) T_world_body at joint positions q (n,), with `flange` and `tool`."""
+        q = np.asarray(q, dtype=float)
+        if q.shape != (self.n,):
+            raise BadInput(f"{self.name} has {self.n} joints, got shape {q.shape}", "q")
+        positions = {joint.name: float(value) for joint, value in zip(self.joints, q, strict=True)}
+        frames = self.tree.frames(positions)
+        poses = {self.bodies[link]: self.T_world_base @ frame for link, frame in frames.items()}
+        poses["flange"] = poses[self.link_names[-1]] @ self.T_last_tool
+        poses["tool"] = poses["flange"].copy()
+        return poses
+
+    def visuals(self) -> tuple[Visual, ...]:
+        """The meshes of the links; their bodies are `link_names`."""
+        return _visuals(self.urdf, self.urdf.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=8)
+def _visuals(path: Path, _changed: int) -> tuple[Visual, ...]:
+    """Meshes are read once for each version of a URDF file; they are immutable."""
+    tree = read_urdf(path)
+    return urdf_visuals(tree, _body_names(tree))
+
+
+def load_robot(name_or_path: str) -> RobotModel:
+    """`wam4`, `wam7`, or the path of a URDF file.
+
+    Raises `UnknownName` for a name that is neither, `BadInput` for a file that cannot be used.
+    """
+    name = str(name_or_path)
+    if name in WAMS:
+        return _wam(name, WAMS[name])
+    looks_like_path = any(sign in name for sign in ("/", "\\")) or name.lower().endswith((".urdf", ".xml"))
+    if not looks_like_path and not Path(name).is_file():
+        raise UnknownName("robot", name, (*ROBOTS, "the path of a URDF file"))
+    return _foreign(Path(name).expanduser())
+
+
+def _wam(name: str, wam: WAM) -> RobotModel:
+    path = asset("robots", "wam", f"{name}.urdf")
+    tree = read_urdf(path)
+    bodies = _body_names(tree)
+    last = wam.chain.n - 1
+    T_last_tool = wam.chain.fixed(last)
+    T_last_tool[:3, 3] += T_last_tool[:3, 2] * wam.tool_reach
+    T_world_base = np.eye(4)
+    T_world_base[2, 3] = SHOULDER_HEIGHT
+    moving = [joint for joint in tree.joints if joint.movable]
+    return RobotModel(
+        name=name,
+        joints=tuple(_joint(joint) for joint in moving),
+        q_ready=frozen(READY[name]),
+        urdf=path,
+        link_names=tuple(bodies.values()),
+        T_last_tool=frozen(T_last_tool),
+        chain=wam.chain,
+        T_world_base=frozen(T_world_base),
+        tree=tree,
+        bodies=bodies,
+    )
+
+
+def _foreign(path: Path) -> RobotModel:
+    tree = read_urdf(path)
+    tip = tree.tip()
+    arm = [joint for joint in tree.path_to(tip) if joint.movable]
+    if not arm:
+        raise BadInput("the robot has no joint that moves", str(path))
+    bodies = _body_names(tree)
+    others = [body for link, body in bodies.items() if link != tip]
+    return RobotModel(
+        name=tree.name,
+        joints=tuple(_joint(joint) for joint in arm),
+        q_ready=frozen([_ready(joint) for joint in arm]),
+        urdf=path,
+        link_names=(*others, bodies[tip]),
+        T_last_tool=frozen(np.eye(4)),
+        chain=None,
+        T_world_base=frozen(np.eye(4)),
+        tree=tree,
+        bodies=bodies,
+    )
+
+
+def _joint(joint: UrdfJoint) -> Joint:
+    return Joint(joint.name, joint.lower, joint.upper, joint.speed or DEFAULT_SPEED)
+
+
+def _ready(joint: UrdfJoint) -> float:
+    """A start position for a joint of which nothing is known: zero, or the middle of its range."""
+    margin = 0.1 * (joint.upper - joint.lower)
+    inside = joint.lower + margin <= 0.0 <= joint.upper - margin
+    return 0.0 if inside else (joint.lower + joint.upper) / 2
+
+
+def _body_names(tree: Urdf) -> dict[str, str]:
+    """URDF link name to body name, parents first, clear of the reserved names."""
+    links = [tree.root, *(joint.child for joint in tree.joints)]
+    return {link: f"{link}_link" if link in RESERVED else link for link in links}

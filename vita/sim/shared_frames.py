@@ -1,0 +1,216 @@
+"""The memory that the live rig's two processes share: a ring of frames, one command, the stop flag.
+
+Nobody ever waits here. The child writes frames round and round the ring; the parent copies the
+newest and looks whether it was overwritten meanwhile (it would have to be three frames late). The
+latest command wins. Each block has a sequence number that is odd while it is being written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from multiprocessing.shared_memory import SharedMemory
+
+import numpy as np
+
+from vita.errors import BadInput
+from vita.types import Array, Image, JointStep, frozen
+
+SLOTS = 4
+MAX_JOINTS = 32
+MAX_BODIES = 256
+
+_CONTROL = 64
+"""Bytes of the control block: eight integers."""
+_NEWEST, _STOPS, _RELEASES, _COMMAND_SEQ, _ASKED, _TICK, _RELEASE_COUNT = range(7)
+_COMMAND = 8 * (3 + 2 * MAX_JOINTS)
+_NUMBERS = 16
+"""Numbers of a frame before its joints and poses."""
+_META = 8 * (1 + _NUMBERS + MAX_JOINTS + 16 * MAX_BODIES)
+
+NUMBERS = (
+    "stamp", "number", "frozen_mask", "stopped", "fault", "dropped", "saturated_mask", "at_rest",
+    "physics", "render", "hand_over", "real_time_factor",
+)  # fmt: skip
+"""What goes with each frame, besides joints and poses."""
+
+
+@dataclass(frozen=True)
+class SharedFrame:
+    """One frame as the parent copies it out of the ring."""
+
+    numbers: Mapping[str, float]
+    q: Array
+    poses: Mapping[str, Array]
+    frames: Mapping[str, Image]
+
+
+def _aligned(size: int) -> int:
+    return (size + 63) // 64 * 64
+
+
+class SharedFrames:
+    """Both processes make one of these over the same memory; `name` is None in the one that owns it."""
+
+    def __init__(self, cameras: Sequence[tuple[str, tuple[int, int]]], name: str | None = None) -> None:
+        """cameras: names with (width, height)."""
+        sizes = [_aligned(width * height * 3) for _, (width, height) in cameras]
+        slot = _aligned(_META) + sum(sizes)
+        start = _CONTROL + _aligned(_COMMAND)
+        self._memory = SharedMemory(name, create=name is None, size=start + SLOTS * slot)
+        self._owner = name is None
+        self.name = self._memory.name
+        self._control = self._view((8,), np.int64, 0)
+        self._command = self._view((3 + 2 * MAX_JOINTS,), np.float64, _CONTROL)
+        self._sequence, self._meta, self._images = [], [], []
+        for i in range(SLOTS):
+            base = start + i * slot
+            self._sequence.append(self._view((1,), np.int64, base))
+            self._meta.append(self._view((_META // 8 - 1,), np.float64, base + 8))
+            base += _aligned(_META)
+            images = {}
+            for (camera, (width, height)), size in zip(cameras, sizes, strict=True):
+                images[camera] = self._view((height, width, 3), np.uint8, base)
+                base += size
+            self._images.append(images)
+        if self._owner:
+            self._control[_NEWEST] = -1
+        self._seen_command = 0
+
+    def _view(self, shape: tuple[int, ...], dtype: type, offset: int) -> np.ndarray:
+        return np.ndarray(shape, dtype, buffer=self._memory.buf, offset=offset)
+
+    # ---- frames: written by the child, read by the parent -----------------------------------------
+
+    def publish(
+        self, numbers: Mapping[str, float], q: Array, poses: Mapping[str, Array], frames: Mapping[str, Image]
+    ) -> None:
+        """Write a frame into the next slot and make it the newest."""
+        if len(q) > MAX_JOINTS or len(poses) > MAX_BODIES:
+            raise BadInput(f"the live rig takes up to {MAX_JOINTS} joints and {MAX_BODIES} bodies")
+        number = int(numbers["number"])
+        i = number % SLOTS
+        meta = self._meta[i]
+        self._sequence[i][0] += 1
+        meta[: len(NUMBERS)] = [numbers[name] for name in NUMBERS]
+        meta[_NUMBERS : _NUMBERS + len(q)] = q
+        start = _NUMBERS + MAX_JOINTS
+        meta[start : start + 16 * len(poses)] = np.concatenate([T.ravel() for T in poses.values()])
+        for camera, image in frames.items():
+            self._images[i][camera][...] = image
+        self._sequence[i][0] += 1
+        self._control[_NEWEST] = number
+
+    @property
+    def newest(self) -> int:
+        """Number of the newest frame, -1 before the first."""
+        return int(self._control[_NEWEST])
+
+    def read(self, joints: int, bodies: Sequence[str]) -> SharedFrame | None:
+        """A copy of the newest frame; None when there is none or it was overwritten meanwhile."""
+        number = self.newest
+        if number < 0:
+            return None
+        i = number % SLOTS
+        before = int(self._sequence[i][0])
+        meta = self._meta[i].copy()
+        frames = {camera: frozen(image, np.uint8) for camera, image in self._images[i].items()}
+        if before % 2 or int(self._sequence[i][0]) != before:
+            return None
+        start = _NUMBERS + MAX_JOINTS
+        poses = meta[start : start + 16 * len(bodies)].reshape(-1, 4, 4)
+        return SharedFrame(
+            dict(zip(NUMBERS, meta.tolist(), strict=False)),
+            frozen(meta[_NUMBERS : _NUMBERS + joints]),
+            dict(zip(bodies, poses, strict=True)),
+            frames,
+        )
+
+    def tick(self, number: int) -> None:
+        """Note that frame period `number` has begun, whether or not a picture is drawn of it."""
+        self._control[_TICK] = number
+
+    @property
+    def fresh(self) -> bool:
+        """Whether the newest picture is of this period or, while this one is drawn, of the last."""
+        return self.newest >= 0 and int(self._control[_TICK]) - self.newest <= 1
+
+    # ---- commands: written by the parent, read by the child ---------------------------------------
+
+    def put_command(self, step: JointStep | None, joints: int) -> None:
+        """Replace the command. A malformed step goes over as NaN, which the gate drops and brakes on."""
+        block = np.zeros_like(self._command)
+        if step is not None:
+            block[0] = 1.0
+            try:
+                block[1:3] = step.stamp, step.speed_scale
+                for value, start in ((step.dq, 3), (step.q_from, 3 + MAX_JOINTS)):
+                    array = np.asarray(value, dtype=float)
+                    block[start : start + joints] = array if array.shape == (joints,) else np.nan
+            except (TypeError, ValueError):
+                block[1:] = np.nan
+        self._control[_COMMAND_SEQ] += 1
+        self._command[:] = block
+        self._control[_COMMAND_SEQ] += 1
+
+    def take_command(self, joints: int) -> tuple[bool, JointStep | None]:
+        """Whether there is a new command, and which."""
+        sequence = int(self._control[_COMMAND_SEQ])
+        if sequence == self._seen_command or sequence % 2:
+            return False, None
+        block = self._command.copy()
+        if int(self._control[_COMMAND_SEQ]) != sequence:
+            return False, None
+        self._seen_command = sequence
+        if not block[0]:
+            return True, None
+        dq, q_from = block[3 : 3 + joints], block[3 + MAX_JOINTS : 3 + MAX_JOINTS + joints]
+        return True, JointStep(dq, q_from, float(block[1]), float(block[2]))
+
+    # ---- flags: counters, so that no event is missed however short ---------------------------------
+
+    def ask(self) -> None:
+        """The parent wants a frame."""
+        self._control[_ASKED] += 1
+
+    @property
+    def asked(self) -> int:
+        return int(self._control[_ASKED])
+
+    def stop(self) -> None:
+        """Brake; safe from any thread and from signal handlers."""
+        self._control[_STOPS] += 1
+
+    def release(self) -> None:
+        """Lift every stop so far, and a fault of the gate with it."""
+        self._control[_RELEASES] = self._control[_STOPS]
+        self._control[_RELEASE_COUNT] += 1
+
+    @property
+    def stops(self) -> int:
+        """How often `stop` was called."""
+        return int(self._control[_STOPS])
+
+    @property
+    def releases(self) -> int:
+        """How often `release` was called."""
+        return int(self._control[_RELEASE_COUNT])
+
+    @property
+    def held(self) -> bool:
+        """Whether a stop is in force."""
+        return bool(self._control[_STOPS] != self._control[_RELEASES])
+
+    def close(self) -> None:
+        """Let go of the memory; the owner frees it as well. Harmless when done twice."""
+        if not self._sequence:
+            return
+        # numpy's views keep the memory mapped, so that they have to go first.
+        del self._control, self._command
+        self._sequence, self._meta, self._images = [], [], []
+        try:
+            self._memory.close()
+        except BufferError:
+            pass  # Another thread is still copying a frame; the mapping goes when it is done.
+        if self._owner:
+            self._memory.unlink()

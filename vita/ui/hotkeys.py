@@ -1,0 +1,39 @@
+"""Keys and the command palette (Ctrl+K). W A S D Q E and the arrows alone belong to viser's camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from vita import commands as c
+from vita.ui.compose import SELECT, TRACKER
+from vita.ui.words import KINDS
+
+if TYPE_CHECKING:
+    from vita.ui.app import App
+
+
+def add_hotkeys(app: App) -> None:
+    gui, guard, composer = app.server.gui, app.guard, app.composer
+
+    def key(label: str, hotkey: Any, do: Callable[[Any], Any], modifier: Any = None, text: str = "") -> None:
+        command = gui.add_command(label, hotkey=hotkey, modifier=modifier, description=text or None)
+        command.on_trigger(guard(do))
+
+    key("Start or stop", "space", lambda event: app.run.toggle())
+    key("Cancel, or stop the arm", "escape", app.escape)
+    key("Undo", "Z", lambda event: app._submit(c.Undo()), "cmd/ctrl")
+    key("Redo", "Y", lambda event: app._submit(c.Redo()), "cmd/ctrl")
+    key("Delete the selected tracker", "delete", app.delete)
+    key("Delete the selected tracker (Backspace)", "backspace", app.delete)
+    key("Fit the views", "F", app.fit)
+    key("Cameras or 3D world", "V", app.switch)
+    for number in range(4):
+        key(f"Camera {number + 1} large", str(number + 1), lambda event, n=number: app.fit(event, n))
+    for letter, kind in zip("PLMB", KINDS):
+        key(kind.label, letter, lambda event, k=kind.key: composer.arm(k), text=kind.meaning)
+    key("Place trackers", "T", lambda event: composer.arm(TRACKER))
+    key("Select", "X", lambda event: composer.arm(SELECT))
+    for name, du, dv in (("left", -1, 0), ("right", 1, 0), ("up", 0, -1), ("down", 0, 1)):
+        key(f"Nudge {name} by a pixel", f"arrow{name}", lambda event, u=du, v=dv: app.nudge(u, v), "shift")
+    key("Reset the simulated arm", "R", lambda event: app._submit(c.ResetArm()), "shift")

@@ -1,0 +1,10 @@
+"""The panels at the right of the page."""
+
+from vita.ui.panels.base import Desk, Panel
+from vita.ui.panels.files import FilesPanel
+from vita.ui.panels.run import RunPanel
+from vita.ui.panels.servo import ServoPanel
+from vita.ui.panels.task import TaskPanel
+from vita.ui.panels.view import ViewPanel
+
+__all__ = ["Desk", "FilesPanel", "Panel", "RunPanel", "ServoPanel", "TaskPanel", "ViewPanel"]

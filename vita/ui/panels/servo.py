@@ -1,0 +1,137 @@
+"""Tuning: every setting of `ServoConfig` and `Limits`, made from the fields' own words and ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from vita import commands as c
+from vita.scenario.schema import Scenario
+from vita.servo.config import Limits, ServoConfig
+from vita.snapshot import Snapshot
+from vita.types import Joint
+from vita.ui import style
+from vita.ui.panels.base import Desk, Html
+from vita.ui.safe import number
+
+
+class ServoPanel:
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        gui = desk.gui
+        Html(gui, style.TABS_MARK)
+        self._inputs: dict[tuple[str, str], Any] = {}
+        self._folder = gui.add_folder("Servo")
+        with self._folder:
+            self._settings("servo", ServoConfig, lambda field, value: c.SetServo(field, value))
+        with gui.add_folder("Speed"):
+            self._settings("limits", Limits, lambda field, value: c.SetLimits(field, value))
+        self._joint_folder = gui.add_folder("Joints")
+        self._joint_rows: list[_JointRow] = []
+        self._table = Html(gui)
+
+    def update(self, snapshot: Snapshot) -> None:
+        for (group, field), handle in self._inputs.items():
+            value = float(getattr(getattr(snapshot.scenario, group), field))
+            if abs(float(handle.value) - value) > 1e-9:
+                handle.value = value
+        if len(self._joint_rows) != len(snapshot.joints):
+            for row in self._joint_rows:
+                row.remove()
+            with self._joint_folder:
+                self._joint_rows = [
+                    _JointRow(self._desk, index, joint) for index, joint in enumerate(snapshot.joints)
+                ]
+        for row, joint in zip(self._joint_rows, snapshot.joints):
+            row.update(joint, snapshot.scenario)
+
+    def _settings(self, group: str, kind: type, command: Callable[[str, float], object]) -> None:
+        for field in fields(kind):
+            meta = field.metadata
+            if "low" not in meta:
+                continue
+            unit = f" [{meta['unit']}]" if meta["unit"] else ""
+            hint = f"{meta['doc']} {meta['low']:g} to {meta['high']:g}{' ' + meta['unit'] if meta['unit'] else ''}."
+            low, high, start = float(meta["low"]), float(meta["high"]), float(field.default)  # type: ignore
+            label = meta["label"] + unit
+            if high / max(low, 1e-3) > 5000 or high > 100:
+                handle = self._desk.gui.add_number(label, start, min=low, max=high, step=_step(start), hint=hint)
+            else:
+                handle = self._desk.gui.add_slider(
+                    label, min=low, max=high, step=_step(high - low) / 10, initial_value=start, hint=hint
+                )
+            handle.on_update(self._desk.guard(self._setter(field.name, low, high, command)))
+            self._inputs[group, field.name] = handle
+
+    def _setter(
+        self, name: str, low: float, high: float, command: Callable[[str, float], object]
+    ) -> Callable[[Any], None]:
+        def changed(event: Any) -> None:
+            self._desk.submit(command(name, number(event.target.value, low, high, name)))
+
+        return changed
+
+
+class _JointRow:
+    """One joint: whether the servo may use it, and its limits."""
+
+    def __init__(self, desk: Desk, index: int, joint: Joint) -> None:
+        self._desk, self._index = desk, index
+        gui = desk.gui
+        self._folder = gui.add_folder(joint.name, expand_by_default=False)
+        with self._folder:
+            self._use = gui.add_checkbox("Servo uses it", True, hint="Off keeps this joint still.")
+            self._range = gui.add_multi_slider(
+                "Range [deg]", min=-360.0, max=360.0, step=0.5, min_range=1.0,
+                initial_value=(float(np.degrees(joint.lower)), float(np.degrees(joint.upper))),
+                hint="The gate keeps the joint within these.",
+            )
+            self._speed = gui.add_slider(
+                "Speed [rad/s]", min=0.01, max=3.0, step=0.01,
+                initial_value=float(np.clip(joint.max_speed, 0.01, 3.0)), hint="This joint's top speed.",
+            )
+        self._use.on_update(desk.guard(self._used))
+        self._range.on_update(desk.guard(self._ranged))
+        self._speed.on_update(desk.guard(self._sped))
+
+    def remove(self) -> None:
+        self._folder.remove()
+
+    def update(self, joint: Joint, scenario: Scenario) -> None:
+        used = scenario.servo.joints
+        inside = used is None or self._index in used
+        if self._use.value != inside:
+            self._use.value = inside
+        limits = (round(float(np.degrees(joint.lower)), 3), round(float(np.degrees(joint.upper)), 3))
+        if max(abs(a - b) for a, b in zip(limits, self._range.value)) > 0.01:
+            self._range.value = limits
+        speed = float(np.clip(joint.max_speed, 0.01, 3.0))
+        if abs(self._speed.value - speed) > 1e-6:
+            self._speed.value = speed
+
+    def _used(self, event: Any) -> None:
+        snapshot = self._desk.snapshot()
+        count = len(snapshot.joints)
+        used = set(snapshot.scenario.servo.joints or range(count))
+        (used.add if bool(event.target.value) else used.discard)(self._index)
+        if not used:
+            self._use.value = True
+            self._desk.tell(event.client, "warning", "The servo needs at least one joint.")
+            return
+        self._desk.submit(c.SetServo("joints", None if len(used) == count else tuple(sorted(used))))
+
+    def _ranged(self, event: Any) -> None:
+        low, high = (number(v, -360.0, 360.0, "range") for v in event.target.value)
+        self._desk.submit(c.SetJointLimit(self._index, lower_deg=low, upper_deg=high))
+
+    def _sped(self, event: Any) -> None:
+        value = number(event.target.value, 0.01, 3.0, "speed")
+        self._desk.submit(c.SetJointLimit(self._index, speed_rad_s=value))
+
+
+def _step(span: float) -> float:
+    """A round step of about a tenth of `span`."""
+    return float(10.0 ** np.floor(np.log10(max(span, 1e-6) / 5.0)))

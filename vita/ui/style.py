@@ -1,0 +1,115 @@
+"""Small style sheets for the page. viser gives every button its uuid as its HTML id, so rules can name them.
+
+If a browser ignores these rules the page still works: buttons then stand one per line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import viser
+
+from vita.ui.words import LOGO, Rgb, hexed
+
+BASE = """
+.vita{font-size:13px;line-height:1.4;color:#18202c;margin:0 10px 8px}
+.vita b{font-weight:650}
+.vita .row{display:flex;align-items:center;gap:8px}
+.vita .grow{flex:1;min-width:0;line-height:1.6;overflow:hidden;text-overflow:ellipsis;white-space:nowrap}
+.vita .dim{color:#667085}
+.vita .num{font-variant-numeric:tabular-nums}
+.vita .chip{color:#fff;border-radius:999px;padding:2px 11px;font-weight:650;font-size:12.5px;white-space:nowrap}
+.vita .dot{width:10px;height:10px;border-radius:50%;flex:none;display:inline-block}
+.vita .bar{width:4px;align-self:stretch;border-radius:2px;flex:none}
+.vita .card{border:1px solid #e4e7ec;border-radius:8px;padding:8px 10px;background:#fff}
+.vita .prompt{border-left:5px solid #0d766e;background:#f2f8f7}
+.vita .hint{background:#f5f8ff;border-color:#d6e2fb}
+.vita .warn{color:#b54708}
+.vita ol{margin:4px 0 0;padding-left:20px}
+.vita h4{margin:10px 0 4px;font-size:12px;font-weight:650;color:#475467;display:flex;justify-content:space-between}
+.vita .list{border:1px solid #e4e7ec;border-radius:8px;overflow:hidden}
+.vita .item{display:flex;align-items:center;gap:8px;padding:4px 8px;border-top:1px solid #f0f2f5}
+.vita .item:first-child{border-top:0}
+.vita .item.on{background:#eef6ff}
+.vita label{cursor:pointer}
+.vita label.x{color:#98a2b3;padding:0 4px;font-size:16px;line-height:1;border-radius:4px}
+.vita label.x:hover{color:#dc2626;background:#fee4e2}
+.vita .empty{padding:8px 10px;color:#667085}
+.vita kbd{font:inherit;font-size:11.5px;border:1px solid #d0d5dd;border-bottom-width:2px;border-radius:4px;padding:0 4px;background:#fff}
+"""
+
+HEIGHTS = f"""
+div:has(> [data-dock-leaf] #vita-run){{flex:0 0 174px!important}}
+div:has(> [data-dock-leaf] span.vita-tabs){{flex-grow:1!important}}
+div:has(> [data-dock-leaf] #vita-plots){{flex:0 0 clamp(203px,25vh,260px)!important}}
+[data-testid="floating-panel-handle"]{{background:url("{LOGO}") no-repeat 44px center/auto 28px}}
+"""
+
+TABS_MARK = '<span class="vita-tabs"></span>'
+"""By this the style sheet knows the panel of the tabs, whichever tab is open."""
+
+
+def own(button: viser.GuiButtonHandle) -> str:
+    """CSS selector of a button."""
+    return f'[id="{button._impl.uuid}"]'
+
+
+def side_by_side(buttons: Iterable[viser.GuiButtonHandle], columns: int) -> str:
+    """Put buttons next to each other instead of one per line."""
+    share = 100.0 / columns
+    rules = ""
+    for index, button in enumerate(buttons):
+        left = 10 if index % columns == 0 else 3
+        right = 10 if index % columns == columns - 1 else 3
+        rules += (
+            f"div:has(> {own(button)}){{display:inline-block;vertical-align:top;width:{share:.3f}%;"
+            f"margin:0!important;padding:0 {right}px 6px {left}px!important;box-sizing:border-box}}"
+        )
+    return rules
+
+
+def hidden(buttons: Iterable[viser.GuiButtonHandle]) -> str:
+    """Buttons that are pressed through a <label for=...> in a list."""
+    selectors = ",".join(f"div:has(> {own(button)})" for button in buttons)
+    return f"{selectors}{{display:none!important}}" if selectors else ""
+
+
+def tool(button: viser.GuiButtonHandle, color: Rgb, on: bool) -> str:
+    """A tool's look: an outlined button with a coloured edge, filled while it is in hand."""
+    tint = hexed(color)
+    face = (
+        f"background:{tint}!important;color:#fff!important;border:1px solid {tint}!important"
+        if on
+        else "background:#fff!important;color:#18202c!important;border:1px solid #d0d5dd!important"
+    )
+    return (
+        f"{own(button)}{{{face};border-left:6px solid {tint}!important;height:34px!important;"
+        f"font-weight:600;padding:0 6px}}"
+        f"{own(button)}:hover{{filter:brightness(.97)}}"
+    )
+
+
+def plain(buttons: Iterable[viser.GuiButtonHandle]) -> str:
+    """Quiet secondary buttons."""
+    selectors = ",".join(own(button) for button in buttons)
+    return (
+        f"{selectors}{{background:#fff!important;color:#344054!important;border:1px solid #d0d5dd!important;"
+        f"font-weight:500}}"
+    )
+
+
+def filled(button: viser.GuiButtonHandle, color: Rgb) -> str:
+    return f"{own(button)}{{background:{hexed(color)}!important;color:#fff!important;height:34px!important}}"
+
+
+def big(button: viser.GuiButtonHandle, color: Rgb) -> str:
+    """Start and Stop."""
+    return (
+        f"{own(button)}{{height:42px!important;font-size:16px;font-weight:700;"
+        f"background:{hexed(color)}!important;color:#fff!important}}"
+        f"{own(button)}:disabled{{background:#e4e7ec!important;color:#98a2b3!important}}"
+    )
+
+
+def sheet(*rules: str) -> str:
+    return "<style>" + "".join(rules) + "</style>"

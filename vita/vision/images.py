@@ -1,0 +1,113 @@
+"""Frames as trackers see them: checked, grey, cut out around the target and blurred.
+
+Every tracker works on a small crop, so converting and blurring cost next to nothing and no
+cache over frames is needed: a cache keyed by identity would silently serve an old picture when
+a camera driver fills the same buffer again.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vita.errors import BadInput
+from vita.types import Array, Image, frozen
+
+# Trackers are many and small: OpenCV's thread pool costs more than it gives (measured).
+cv2.setNumThreads(1)
+
+Gray = NDArray[np.float32]
+_SAMPLING = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+
+
+def is_frame(frame: object, size: tuple[int, int] | None = None) -> bool:
+    """Whether `frame` is an RGB or grey uint8 picture, of (width, height) `size` if that is given."""
+    if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8:
+        return False
+    if frame.ndim not in (2, 3) or frame.size == 0 or (frame.ndim == 3 and frame.shape[2] != 3):
+        return False
+    return size is None or (frame.shape[1], frame.shape[0]) == size
+
+
+def check_frame(frame: Image) -> tuple[int, int]:
+    """(width, height) of a frame; `BadInput` when it is none."""
+    if not is_frame(frame):
+        got = f"{frame.dtype} array of shape {frame.shape}" if isinstance(frame, np.ndarray) else repr(frame)
+        raise BadInput(f"expected a (height, width, 3) uint8 frame, got {got}")
+    return frame.shape[1], frame.shape[0]
+
+
+def check_pixel(uv: object, size: tuple[int, int]) -> Array:
+    """`uv` as a read-only (2,) array; `BadInput` naming the size when it is not inside the frame."""
+    try:
+        pixel = frozen(uv)
+    except (TypeError, ValueError):
+        raise BadInput(f"expected a pixel (column, row), got {uv!r}") from None
+    if pixel.shape != (2,):
+        raise BadInput(f"expected a pixel (column, row), got {uv!r}")
+    if not inside(pixel, size):
+        raise BadInput(
+            f"pixel ({pixel[0]:g}, {pixel[1]:g}) is outside the frame of {size[0]} x {size[1]} pixels"
+        )
+    return pixel
+
+
+def inside(uv: Array, size: tuple[int, int]) -> bool:
+    """Whether a pixel lies in a frame of (width, height) `size`; False for NaN."""
+    return bool(-0.5 <= uv[0] <= size[0] - 0.5 and -0.5 <= uv[1] <= size[1] - 0.5)
+
+
+def to_gray(frame: Image) -> NDArray[np.uint8]:
+    """(h, w) uint8 of an RGB or grey frame."""
+    return cv2.cvtColor(frame, cv2.COLOR_RGB2GRAY) if frame.ndim == 3 else frame  # type: ignore[return-value]
+
+
+class Crop:
+    """A grey part of a frame, with its blurred versions made once."""
+
+    def __init__(self, gray: NDArray[np.uint8], origin: Array) -> None:
+        """`gray` (h, w) has its top-left pixel at `origin` (2,) of the frame."""
+        self.gray, self.origin = gray, origin
+        self._blurred: dict[float, Gray] = {}
+
+    @classmethod
+    def cut(cls, frame: Image, points: Array, margin: float) -> Crop:
+        """The part of a frame that holds `points` (k, 2) [px] and `margin` [px] around them."""
+        (x0, x1), (y0, y1) = _span(points, margin, frame.shape)
+        # The copy matters for grey frames: a view would change with the caller's buffer.
+        return cls(to_gray(frame[y0:y1, x0:x1]).copy(), np.array([x0, y0], dtype=np.float64))
+
+    def part(self, points: Array, margin: float) -> Crop:
+        """The same for a part of this crop: blurring less is most of the saving."""
+        (x0, x1), (y0, y1) = _span(points - self.origin, margin, self.gray.shape)
+        return Crop(self.gray[y0:y1, x0:x1], self.origin + (x0, y0))
+
+    def blurred(self, sigma: float) -> Gray:
+        """(h, w) float32, Gaussian blur of `sigma` [px]."""
+        if sigma not in self._blurred:
+            gray = self.gray.astype(np.float32)
+            blurred = cv2.GaussianBlur(gray, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
+            self._blurred[sigma] = np.asarray(blurred, dtype=np.float32)
+        return self._blurred[sigma]
+
+    def sample(self, image: Gray, warp: Array, n: int) -> Gray:
+        """(n, n) values of `image` (one of this crop's) at the grid that `warp` carries there.
+
+        `warp` is a (3, 3) homography from grid indices to pixels of the whole frame.
+        """
+        local = warp.copy()
+        local[0] -= self.origin[0] * warp[2]
+        local[1] -= self.origin[1] * warp[2]
+        return cv2.warpPerspective(
+            image, local, (n, n), flags=_SAMPLING, borderMode=cv2.BORDER_REPLICATE
+        )  # type: ignore[return-value]
+
+
+def _span(points: Array, margin: float, shape: tuple[int, ...]) -> list[tuple[int, int]]:
+    """Column and row ranges around `points` within a picture, never empty."""
+    spans = []
+    for low, high, limit in zip(points.min(axis=0), points.max(axis=0), (shape[1], shape[0]), strict=True):
+        start = int(min(max(low - margin, 0), limit - 2))
+        spans.append((start, int(min(max(high + margin + 2, start + 2), limit))))
+    return spans
