@@ -12,6 +12,7 @@ from fake_runner import FakeRunner, textured
 from vita import commands as c
 from vita.ui import App
 
+pytestmark = pytest.mark.browser
 SIZE = (640, 480)
 SPOTS = np.array([[60, 60], [580, 60], [60, 420], [580, 420]], float)
 COLORS = {"left": (255, 0, 0), "right": (0, 0, 255)}
@@ -83,16 +84,26 @@ def truth(visit: Visit, camera: str) -> np.ndarray:
     return np.linalg.lstsq(design, SPOTS, rcond=None)[0]
 
 
+def settle(visit: Visit) -> None:
+    """Wait until the board is arranged and fitted for the window as it is."""
+
+    def fitted() -> bool:
+        box, layout = visit.canvas(), visit.board.layout
+        assert box is not None and layout is not None
+        return abs(layout.window.w / layout.window.h - box["width"] / box["height"]) < 0.01
+
+    wait_for(fitted, "the arrangement")
+    visit.page.wait_for_timeout(400)
+
+
 @pytest.mark.parametrize("window", [(1280, 720), (1000, 900), (1600, 800), "zoomed"])
 def test_clicks_land_within_a_pixel_of_what_is_drawn(
     visit: Visit, window: tuple[int, int] | str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """30 clicks a window in both views; the oracle is a screenshot, not our own geometry."""
     width, height = (1280, 720) if isinstance(window, str) else window
-    before = visit.board.layout
     visit.page.set_viewport_size({"width": width, "height": height})
-    if (width, height) != (1280, 720):
-        wait_for(lambda: visit.board.layout is not before, "the new arrangement")
+    settle(visit)
     landed: list[tuple[str, tuple[float, float]]] = []
     board = visit.board
     monkeypatch.setattr(board, "_on_pick", lambda camera, uv, hit: landed.append((camera, uv)))
@@ -124,8 +135,9 @@ def test_clicks_land_within_a_pixel_of_what_is_drawn(
             assert name == camera
             misses.append(np.array(uv) - meant[:2])
     visit.page.set_viewport_size({"width": 1280, "height": 720})
+    settle(visit)
     visit.page.keyboard.press("f")
-    visit.page.wait_for_timeout(500)
+    visit.page.wait_for_timeout(400)
     assert len(misses) >= 20
     assert np.abs(misses).max() <= 1.0
     assert np.abs(np.mean(misses, axis=0)).max() <= 0.25  # no offset by half a screen pixel

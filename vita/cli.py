@@ -92,15 +92,16 @@ def _fill_serve(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("scenario", nargs="?", metavar="SCENARIO", help="a file or the name of a shipped one")
     verb.add_argument("--host", default="127.0.0.1", help="address to listen on (default %(default)s)")
     verb.add_argument("--port", type=_port, default=8080, help="port (default %(default)s; 0: a free one)")
-    verb.add_argument("--robot", choices=("wam4", "wam7"), help="which robot the welcome task is for")
+    verb.add_argument("--robot", choices=("wam4", "wam7"), help="which robot the empty scene shows")
 
 
 def _serve(chosen: argparse.Namespace) -> int:
+    from vita.scenario.library import welcome
     from vita.scenario.toml_io import load
 
     if chosen.scenario and chosen.robot:
         raise BadInput("give either a scenario or --robot; a scenario has its own robot")
-    scenario = load(chosen.scenario or ("welcome_wam4" if chosen.robot == "wam4" else "welcome"))
+    scenario = load(chosen.scenario) if chosen.scenario else welcome(chosen.robot)
     from vita.ui import serve
 
     try:

@@ -18,7 +18,7 @@ from vita.editing import Editor
 from vita.errors import BadInput, NotNow, UnknownName
 from vita.rig import SimulatedRig
 from vita.scenario.schema import Scenario
-from vita.servo import Controller, status_for
+from vita.servo import Controller, Limits, status_for
 from vita.servo.limits import apply_limits, change_joint_limit, change_setting
 from vita.snapshot import Snapshot
 from vita.stopwatch import Stopwatch
@@ -65,6 +65,10 @@ class Engine:
     def _decide(self) -> JointStep | None:
         controller, seen = self.controller, self.observation
         if not controller.moving:
+            return None
+        gate_fault = str(self.rig.gate_state()["fault"])
+        if gate_fault:
+            self.fail("gate_fault", gate_fault)
             return None
         self._check_trackers()
         controller.joints = tuple(self.rig.joints)
@@ -142,6 +146,7 @@ class Engine:
         self.controller.joints = tuple(self.rig.joints)
         self._check_joints()
         self.editor.remember_start(self.observation)
+        self.rig.release()
         self.controller.start(relearn=command.relearn)
 
     def _check_joints(self) -> None:
@@ -177,12 +182,15 @@ class Engine:
             self.controller.forget()
 
     def _set_limits(self, command: cmd.SetLimits) -> None:
-        self.limits = change_setting(self.limits, command.field, command.value, "limits")
-        self.rig.set_limits(apply_limits(self.rig.joints, self.limits))
+        self._put_limits(change_setting(self.limits, command.field, command.value, "limits"))
 
     def _set_joint_limit(self, command: cmd.SetJointLimit) -> None:
-        self.limits = change_joint_limit(self.limits, self.rig.joints, command)
-        self.rig.set_limits(apply_limits(self.rig.joints, self.limits))
+        self._put_limits(change_joint_limit(self.limits, self.rig.robot_joints, command))
+
+    def _put_limits(self, limits: Limits) -> None:
+        joints = apply_limits(self.rig.robot_joints, limits)
+        self.rig.set_limits(joints, limits.acceleration_rad_s2)
+        self.limits = limits
 
     def _reset(self, _: cmd.ResetArm) -> None:
         if self.controller.moving:
@@ -196,9 +204,8 @@ class Engine:
         if not self.editor.same_scene(scenario):
             raise BadInput("this task needs another scene or other cameras; open it with a new rig")
         self._back_to_start(scenario)
-        self.limits = scenario.limits
         self.controller.config = scenario.servo
-        self.rig.set_limits(apply_limits(self.rig.joints, self.limits))
+        self._put_limits(scenario.limits)
 
     def _back_to_start(self, scenario: Scenario) -> None:
         """Arm at the scenario's start pose and every tracker placed afresh; one undoable edit."""

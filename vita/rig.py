@@ -14,10 +14,20 @@ from vita.types import Array, Joint, JointStep, Observation, Visual
 class Rig(Protocol):
     """An arm and its cameras. Whoever implements it keeps the gate between `command` and the arm."""
 
-    joints: Sequence[Joint]
-    """The joints with the limits in force."""
-    cameras: Sequence[str]
-    """Camera names, in the order in which people see them."""
+    @property
+    def joints(self) -> Sequence[Joint]:
+        """The joints with the limits in force."""
+        ...
+
+    @property
+    def robot_joints(self) -> Sequence[Joint]:
+        """The joints with the robot's own limits, which nothing widens."""
+        ...
+
+    @property
+    def cameras(self) -> Sequence[str]:
+        """Camera names, in the order in which people see them."""
+        ...
 
     def observe(self) -> Observation:
         """The next observation. Lockstep simulation advances one frame period, a live rig waits.
@@ -30,8 +40,22 @@ class Rig(Protocol):
         """Ask for a motion; None asks the arm to brake and hold still."""
         ...
 
-    def set_limits(self, joints: Sequence[Joint]) -> None:
-        """Put new joint limits in force from the next gate cycle on."""
+    def set_limits(self, joints: Sequence[Joint], acceleration: float | None = None) -> None:
+        """Put new joint limits, and an acceleration bound [rad/s^2], in force from the next gate
+        cycle on."""
+        ...
+
+    def gate_state(self) -> Mapping[str, object]:
+        """What the gate says: `fault` (a sentence, empty while all is well), `saturated` ((n,) bool,
+        joints held by a limit), `dropped` (steps refused), ..."""
+        ...
+
+    def stop_now(self) -> None:
+        """Brake and stay, from any thread, before anything else; until `release`."""
+        ...
+
+    def release(self) -> None:
+        """Let steps move the arm again after `stop_now` or a gate fault. Moves nothing itself."""
         ...
 
     def close(self) -> None: ...

@@ -52,9 +52,7 @@ class Runner:
         """Rest now. Idempotent, never waits. A Start that was queued before it is dropped."""
         self._stop_count += 1
         self._stop.set()
-        stop_now = getattr(self._engine.rig, "stop_now", None)
-        if stop_now is not None:
-            stop_now()
+        self._engine.rig.stop_now()
 
     def snapshot(self) -> Snapshot:
         return self._latest
@@ -118,10 +116,6 @@ class Runner:
         elif isinstance(command, cmd.ResetArm) and offline:
             self._rebuild(self._latest.scenario)
         else:
-            if isinstance(command, cmd.Start):
-                release = getattr(self._engine.rig, "release", None)
-                if release is not None:
-                    release()
             self._engine.apply(command)
 
     def _rebuild(self, scenario: Scenario) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vita.assets import asset
 from vita.errors import BadInput, UnknownName
+from vita.scenario.schema import Scenario
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,16 @@ def find(path_or_name: str | os.PathLike[str]) -> Path:
     if path.suffix or path.parent != Path("."):
         raise BadInput("there is no such file", given)
     raise UnknownName("scenario", given[:80], names)
+
+
+def welcome(robot: str | None = None) -> Scenario:
+    """What the app shows when nothing is asked for: the point-to-point scene with nothing drawn yet."""
+    from vita.scenario.toml_io import load
+
+    scenario = load("point_to_point_wam4" if robot == "wam4" else "point_to_point")
+    return replace(
+        scenario, title="Untitled task", description="", tracker=(), constraint=(), script=(), expect=None
+    )
 
 
 def catalogue() -> list[Entry]:

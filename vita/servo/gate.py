@@ -172,9 +172,10 @@ class Gate:
         largest = float(np.abs(change).max(initial=0.0))
         if largest > a * dt:
             change *= a * dt / largest
-        # A joint still on its way from an older target must not overshoot the new one.
-        lowest = np.where(way < 0, -brake, np.minimum(v, 0.0))
-        highest = np.where(way > 0, brake, np.maximum(v, 0.0))
+        # A joint still on its way from an older target must not overshoot the new one, and one that
+        # moves away from it brakes as hard as it may.
+        lowest = np.where(way < 0, -brake, 0.0)
+        highest = np.where(way > 0, brake, 0.0)
         return np.clip(v + change, lowest, highest)
 
     def _watch(self, q_measured: Array) -> None:

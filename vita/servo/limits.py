@@ -67,7 +67,7 @@ def change_joint_limit(limits: Limits, joints: Sequence[Joint], change: JointLim
 
 
 def apply_limits(joints: Sequence[Joint], limits: Limits) -> tuple[Joint, ...]:
-    """The joints with `limits` in force. A rig never widens a limit beyond its robot's own."""
+    """The robot's own `joints` with `limits` in force; a rig never widens one beyond them."""
     override = {o.joint: o for o in limits.joint}
     result = []
     for index, joint in enumerate(joints):

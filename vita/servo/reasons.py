@@ -46,7 +46,11 @@ REASONS: dict[str, tuple[State, str]] = {
         "The error was growing ({error:.0f} px, best {best:.0f} px), so the arm was stopped. Acknowledge, "
         "lower the gain, and Start learns again.",
     ),
-    "numerical": ("fault", "Numerical failure in the servo: {culprit}. Acknowledge, then Start learns again."),
+    "numerical": (
+        "fault",
+        "Numerical failure in the servo: {culprit}. Acknowledge, then Start learns again.",
+    ),
+    "gate_fault": ("fault", "{culprit} Acknowledge, look at the arm, then press Start."),
     "bad_measurement": ("fault", "The robot reported an impossible joint position. The arm was stopped."),
     "internal_error": ("fault", "Internal error: {culprit}. The arm was stopped; Acknowledge to go on."),
     "rig_offline": ("offline", "The simulation does not answer: {culprit}. Restart it."),

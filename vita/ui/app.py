@@ -124,7 +124,7 @@ class App:
         desk = Desk(
             gui, self.composer, self._submit, self.runner.stop, self.runner.snapshot, self.guard, self.tell
         )
-        self.run = RunPanel(desk)
+        self.run = RunPanel(desk, self.switch)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(390)
         tabs = gui.add_panel()

@@ -32,8 +32,8 @@ SLIP_PX = 5.0
 FAR_BELOW = 2.0e5
 """Where the big 3D world stands: far outside what the board's lens can see [board units]."""
 WORLD_SCALE = 1000.0
-SCENE_CENTER = np.array([0.35, 0.0, 0.42])
-SCENE_HEIGHT = 1.75
+SCENE_CENTER = np.array([0.35, 0.0, 0.30])
+SCENE_HEIGHT = 1.5
 """Height of what the small 3D view should show [m]."""
 STRAIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 

@@ -173,7 +173,7 @@ def _constraint(
         spot = np.mean(at, axis=0)
         value = math.sqrt(float(seen @ seen)) if seen.size else float("nan")
     if snapshot.error.labels:
-        drawing.tags.append(Tag(pixels(value), (float(spot[0]), float(spot[1] + 10 * unit)), "top-center"))
+        drawing.tags.append(Tag(pixels(value), (float(spot[0]), float(spot[1] + 14 * unit)), "top-center"))
 
 
 def _line(
@@ -208,7 +208,10 @@ def _marker(
         if np.isfinite(corners).all():
             drawing.thin.add(_loop(corners), color)
     text = f"{spec.name} lost" if lost else spec.name
-    drawing.tags.append(Tag(text, (float(at[0] + 11 * unit), float(at[1] - 9 * unit))))
+    # Goals carry their name on the left, so that it stays readable when the tracker has arrived.
+    side, anchor = (-13.0, "center-right") if goal or spec.kind == "fixed" else (11.0, "bottom-left")
+    lift = 0.0 if side < 0 else -9.0
+    drawing.tags.append(Tag(text, (float(at[0] + side * unit), float(at[1] + lift * unit)), anchor))
 
 
 def _pending(

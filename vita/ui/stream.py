@@ -84,6 +84,8 @@ class Stream:
             try:
                 with self._client.atomic():
                     self._show(snapshot)
+                if self._stopped.is_set():
+                    return
                 asked = time.monotonic()
                 self._client.local_storage.get_item(KEY, timeout=ROUND_TRIP_TIMEOUT_S)
                 self._trips.append(time.monotonic() - asked)

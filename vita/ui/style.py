@@ -17,6 +17,9 @@ BASE = """
 .vita .row{display:flex;align-items:center;gap:8px}
 .vita .grow{flex:1;min-width:0;line-height:1.6;overflow:hidden;text-overflow:ellipsis;white-space:nowrap}
 .vita .dim{color:#667085}
+.vita .ink{color:#18202c}
+.vita .link{color:#0d766e;border:1px solid #cfe5e2;border-radius:999px;padding:1px 9px;font-weight:600;font-size:12px;white-space:nowrap}
+.vita .link:hover{background:#f2f8f7}
 .vita .num{font-variant-numeric:tabular-nums}
 .vita .chip{color:#fff;border-radius:999px;padding:2px 11px;font-weight:650;font-size:12.5px;white-space:nowrap}
 .vita .dot{width:10px;height:10px;border-radius:50%;flex:none;display:inline-block}

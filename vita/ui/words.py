@@ -83,7 +83,7 @@ CHIP: dict[str, tuple[str, Rgb]] = {
 
 
 def hexed(color: Rgb) -> str:
-    return "#%02x%02x%02x" % color
+    return f"#{color[0]:02x}{color[1]:02x}{color[2]:02x}"
 
 
 def safe(text: object) -> str:

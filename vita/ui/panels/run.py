@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from typing import Any
 
 import viser
 
@@ -14,10 +16,13 @@ from vita.ui.panels.base import Desk, Html
 from vita.ui.words import CHIP, GREEN, RED, explain, hexed, pixels, safe
 
 SPACE_GUARD_S = 0.5
+START_LABELS = {"offline": "Restart", "fault": "Acknowledge", "estop": "Reset"}
 
 
 class RunPanel:
-    def __init__(self, desk: Desk) -> None:
+    """Start also restarts a lost simulation and acknowledges a fault; its label says which."""
+
+    def __init__(self, desk: Desk, switch: Callable[[Any], None]) -> None:
         self._desk = desk
         self._stopped_at = -10.0
         gui = desk.gui
@@ -27,27 +32,33 @@ class RunPanel:
         self._stop = gui.add_button(
             "Stop", icon=viser.Icon.PLAYER_STOP, color=RED, hint="Stop the arm at once (Space or Esc)"
         )
-        self._acknowledge = gui.add_button("Acknowledge the fault", visible=False)
-        self._restart = gui.add_button("Restart the simulation", icon=viser.Icon.REFRESH, visible=False)
-        self._restart.on_click(desk.guard(lambda event: desk.submit(c.ResetArm())))
+        self._switch = gui.add_button("Cameras or 3D world", hint="V")
         self._sheet.show(
             style.sheet(
-                style.BASE, style.HEIGHTS, style.side_by_side((self._start, self._stop), 2), style.big(self._start, GREEN),
-                style.big(self._stop, RED), style.plain((self._acknowledge, self._restart)),
+                style.BASE, style.HEIGHTS, style.side_by_side((self._start, self._stop), 2),
+                style.big(self._start, GREEN), style.big(self._stop, RED), style.hidden((self._switch,)),
             )
         )
         self._start.on_click(desk.guard(lambda event: self.start(from_button=True)))
         self._stop.on_click(desk.guard(lambda event: self.stop()))
-        self._acknowledge.on_click(desk.guard(lambda event: desk.submit(c.Acknowledge())))
+        self._switch.on_click(desk.guard(switch))
 
     def start(self, from_button: bool = False) -> None:
+        """Start, or what Start stands for in this state."""
         # Space on a focused Start button reaches us twice: as the hotkey, which stops, and as a click.
         if from_button and time.monotonic() - self._stopped_at < SPACE_GUARD_S:
             return
-        self._desk.composer.put_away()
-        self._desk.submit(c.Start())
+        state = self._desk.snapshot().status.state
+        if state == "offline":
+            self._desk.submit(c.ResetArm())
+        elif state in ("fault", "estop"):
+            self._desk.submit(c.Acknowledge())
+        else:
+            self._desk.composer.put_away()
+            self._desk.submit(c.Start())
 
     def stop(self) -> None:
+        """The runner's flag: it waits behind nothing."""
         self._stopped_at = time.monotonic()
         self._desk.stop()
 
@@ -59,30 +70,26 @@ class RunPanel:
             self.start()
 
     def update(self, snapshot: Snapshot) -> None:
-        state = snapshot.status.state
+        state, scenario = snapshot.status.state, snapshot.scenario
         text, color = CHIP.get(state, (state, RED))
-        moving = state in MOVING_STATES
-        scenario = snapshot.scenario
         reason = explain(
             snapshot.status, len(scenario.tracker), len(scenario.constraint), snapshot.progress
         )
         error = ""
         if scenario.constraint:
-            error = f'<span class="num dim">error <b style="color:#18202c">{pixels(snapshot.error.norm)}</b></span>'
+            error = f'<span class="num dim">error <b class="ink">{pixels(snapshot.error.norm)}</b></span>'
         extra = ""
         if snapshot.progress and snapshot.status.message:
             extra = f'<div class="dim">{safe(snapshot.progress)}</div>'
         self._status.show(
             f'<div class="vita" id="vita-run" style="min-height:60px"><div class="row" style="margin-bottom:4px">'
-            f'<span class="chip" style="background:{hexed(color)}">{safe(text)}</span>'
-            f'<span class="grow"></span>{error}</div>{safe(reason)}{extra}</div>'
+            f'<span class="chip" style="background:{hexed(color)}">{safe(text)}</span><span class="grow"></span>'
+            f'{error}<label class="link" for="{self._switch._impl.uuid}" title="Cameras or 3D world (V)">'
+            f"⇄ 3D</label></div>{safe(reason)}{extra}</div>"
         )
-        ready = bool(scenario.constraint) and not moving and state not in ("fault", "estop", "offline")
+        label = START_LABELS.get(state, "Start")
+        if self._start.label != label:
+            self._start.label = label
+        ready = state in START_LABELS or (bool(scenario.constraint) and state not in MOVING_STATES)
         if self._start.disabled == ready:
             self._start.disabled = not ready
-        gone = state == "offline"
-        if self._restart.visible != gone:
-            self._restart.visible = gone
-        broken = state in ("fault", "estop")
-        if self._acknowledge.visible != broken:
-            self._acknowledge.visible = broken

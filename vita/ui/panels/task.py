@@ -16,7 +16,20 @@ from vita.ui.compose import SELECT, TRACKER
 from vita.ui.panels.base import Desk, Html
 from vita.ui.panels.rows import RowButtons
 from vita.ui.safe import number, short_text
-from vita.ui.words import GOAL_AUTO, GOAL_FIXED, GREEN, GREY, INK, KINDS, RED, TEAL, hexed, kind_of, pixels, safe
+from vita.ui.words import (
+    GOAL_AUTO,
+    GOAL_FIXED,
+    GREEN,
+    GREY,
+    INK,
+    KINDS,
+    RED,
+    TEAL,
+    hexed,
+    kind_of,
+    pixels,
+    safe,
+)
 
 HINT = """<div class="vita"><div class="card hint"><b>Make the arm move</b><ol>
 <li>Pick <b>Point → Point</b>.</li>
