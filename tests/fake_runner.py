@@ -45,7 +45,10 @@ class FakeRunner:
     """Publishes at 30 Hz; every command is applied at the next tick and kept in `log`."""
 
     def __init__(
-        self, scenario: Scenario | None = None, hz: float = 30.0, pictures: dict[str, np.ndarray] | None = None
+        self,
+        scenario: Scenario | None = None,
+        hz: float = 30.0,
+        pictures: dict[str, np.ndarray] | None = None,
     ) -> None:
         self.scenario = scenario or two_cameras()
         self.rig_revision = 1

@@ -14,15 +14,16 @@ from vita.ui import App
 
 pytestmark = pytest.mark.browser
 SIZE = (640, 480)
-SPOTS = np.array([[60, 60], [580, 60], [60, 420], [580, 420]], float)
+CENTERS = ((60, 60), (580, 60), (60, 420), (580, 420))
+SPOTS = np.array(CENTERS, float)
 COLORS = {"left": (255, 0, 0), "right": (0, 0, 255)}
 
 
 def with_spots(camera: str) -> np.ndarray:
     """A grey picture with four discs of one colour, centred on whole pixels."""
     picture = np.full((SIZE[1], SIZE[0], 3), 128, np.uint8)
-    v, u = np.mgrid[: SIZE[1], : SIZE[0]]
-    for cu, cv in SPOTS:
+    u, v = np.arange(SIZE[0])[None, :], np.arange(SIZE[1])[:, None]
+    for cu, cv in CENTERS:
         picture[(u - cu) ** 2 + (v - cv) ** 2 <= 12**2] = COLORS[camera]
     return picture
 
@@ -33,7 +34,7 @@ def seen_spots(screenshot: np.ndarray, camera: str) -> np.ndarray | None:
 
     color = np.array(COLORS[camera], int)
     mask = np.abs(screenshot.astype(int) - color).max(axis=2) < 110
-    labels, count = ndimage.label(mask)
+    labels, count = ndimage.label(mask)  # type: ignore[misc]
     blobs = [i for i in range(1, count + 1) if (labels == i).sum() > 60]
     if len(blobs) != 4:
         return None
@@ -130,7 +131,7 @@ def test_clicks_land_within_a_pixel_of_what_is_drawn(
                 continue
             known = len(landed)
             visit.page.mouse.click(x, y)
-            wait_for(lambda: len(landed) > known, f"the click at {x}, {y} of {camera}")
+            wait_for(lambda known=known: len(landed) > known, f"the click at {x}, {y} of {camera}")
             name, uv = landed[-1]
             assert name == camera
             misses.append(np.array(uv) - meant[:2])
@@ -152,8 +153,9 @@ def test_two_constraints_are_composed_started_stopped_and_survive_a_reload(visit
               "G2": ("right", (300, 330))}
     for number, (camera, uv) in enumerate(wanted.values()):
         visit.click(camera, uv)
-        wait_for(lambda: len(runner.scenario.tracker) > number, "the tracker of the click")
-        wait_for(lambda: len(runner.scenario.constraint) > number // 2 or number % 2 == 0, "the constraint")
+        wait_for(lambda n=number: len(runner.scenario.tracker) > n, "the tracker of the click")
+        pairs = (number + 1) // 2
+        wait_for(lambda n=pairs: len(runner.scenario.constraint) == n, "the constraint")
     for spec in runner.scenario.tracker:
         camera, uv = wanted[spec.name]
         assert spec.camera == camera and spec.at is not None
@@ -193,6 +195,29 @@ def test_dragging_a_marker_keeps_the_grab_offset(visit: Visit) -> None:
         lambda: next((x for x in visit.runner.log if isinstance(x, c.MoveTracker)), None), "the move"
     )
     assert np.abs(np.array(move.uv) - (400, 300)).max() < 2.0
+
+
+def test_keys_and_rows_do_what_they_say(visit: Visit) -> None:
+    """Esc stops with no tool in hand and puts a tool away otherwise; rows select and delete."""
+    runner, page = visit.runner, visit.page
+    runner.submit(c.AddTracker("left", (300.0, 240.0), "fixed", "G1"))
+    wait_for(lambda: page.locator(".vita .item label.grow").count() == 1, "the row")
+    page.locator(".vita .item label.grow").first.click()
+    wait_for(lambda: visit.app.composer.selected == "G1", "the selection")
+    page.locator(".vita .item label.x").first.click()
+    wait_for(lambda: not runner.scenario.tracker, "the deletion")
+    stops = runner.stops
+    page.keyboard.press("p")
+    wait_for(lambda: visit.app.composer.tool == "point_to_point", "the tool in hand")
+    page.keyboard.press("Escape")
+    wait_for(lambda: visit.app.composer.tool == "select", "the tool put away")
+    assert runner.stops == stops
+    page.keyboard.press("Escape")
+    wait_for(lambda: runner.stops == stops + 1, "the stop")
+    page.keyboard.press("Control+z")
+    wait_for(lambda: any(isinstance(x, c.Undo) for x in runner.log), "Undo")
+    page.keyboard.press("Space")
+    wait_for(lambda: any(isinstance(x, c.Start) for x in runner.log), "Start")
 
 
 def test_orbiting_is_impossible(visit: Visit) -> None:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import signal
 import socket
+import threading
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,10 +20,10 @@ from viser import _messages
 
 from vita import commands as c
 from vita.errors import BadInput, UnknownName
-from vita.scenario.schema import ConstraintSpec, TrackerSpec
+from vita.scenario.schema import ConstraintSpec, Scenario, TrackerSpec
 from vita.snapshot import Snapshot
 from vita.types import ErrorVector, Feature, RowLabel, Status, frozen
-from vita.ui import App
+from vita.ui import App, serve
 from vita.ui.compose import Composer
 from vita.ui.drawer import Drawer
 from vita.ui.layout import FOV, arrange, unproject, window_distance
@@ -203,13 +206,16 @@ def test_a_line_is_drawn_to_the_edges_of_the_image(a: tuple[float, float], b: tu
 def test_overlays_are_finite_for_lost_and_missing_features() -> None:
     runner_scenario = replace(
         two_cameras(),
-        tracker=tuple(TrackerSpec(f"p{i}", "left", "auto", (100.0 + 50 * i, 200.0 + 9 * i)) for i in range(4)),
+        tracker=tuple(
+            TrackerSpec(f"p{i}", "left", "auto", (100.0 + 50 * i, 200.0 + 9 * i)) for i in range(4)
+        ),
         constraint=tuple(
             ConstraintSpec(k.key, k.key, tuple(f"p{i}" for i in range(len(k.roles)))) for k in KINDS
         ),
     )
     nan = frozen([np.nan, np.nan])
-    features = {"p0": Feature(nan, "lost"), "p1": Feature(frozen([150.0, 209.0]), corners=np.full((4, 2), np.nan))}
+    half = Feature(frozen([150.0, 209.0]), corners=np.full((4, 2), np.nan))
+    features = {"p0": Feature(nan, "lost"), "p1": half}
     error = ErrorVector(frozen([np.nan]), (RowLabel("point_to_line", "left", "d"),), frozen([1.0]))
     snapshot = Snapshot(1, 0.0, Status(), frozen(()), (), {}, features, runner_scenario, error)
     cell = arrange({"left": (640, 480)}, 1.3).cells["left"]
@@ -279,6 +285,27 @@ def test_the_page_listens_on_this_machine_only_and_opens_no_tunnel() -> None:
     check_free("127.0.0.1", app.port)
 
 
+def test_serving_prints_one_line_and_ends_in_order_on_sigterm(capsys: pytest.CaptureFixture[str]) -> None:
+    """The arm is stopped, the runner closed and the port free again when `serve` returns."""
+    made: list[FakeRunner] = []
+    urls: list[str] = []
+
+    def make(scenario: Scenario) -> FakeRunner:
+        made.append(FakeRunner(scenario))
+        return made[-1]
+
+    def ready(app: App) -> None:
+        urls.append(app.url)
+        threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGTERM)).start()
+
+    before = signal.getsignal(signal.SIGTERM)
+    serve(two_cameras(), port=0, make_runner=make, ready=ready)
+    assert capsys.readouterr().out.splitlines() == [f"vita is at {urls[0]}"]
+    assert made[0].stops >= 1 and not made[0]._thread.is_alive()
+    assert signal.getsignal(signal.SIGTERM) is before
+    check_free("127.0.0.1", int(urls[0].rsplit(":", 1)[1]))
+
+
 @pytest.mark.parametrize("name", ["../x", "/etc/passwd", "CON", "a" * 300, "a\0b", "", ".hidden", "a/b"])
 def test_save_names_cannot_leave_the_folder(tmp_path: Path, name: str) -> None:
     with pytest.raises(BadInput):
@@ -298,4 +325,5 @@ def test_a_saved_task_loads_equal(tmp_path: Path) -> None:
 def test_every_state_has_a_sentence_and_residuals_read_well() -> None:
     for state in ("offline", "idle", "learning", "servoing", "hold", "done", "fault", "estop"):
         assert explain(Status(state), 0, 0, "")  # type: ignore[arg-type]
-    assert [pixels(x) for x in (0.123, 9.99, 123.4, float("nan"))] == ["0.12 px", "9.99 px", "123 px", "not seen"]
+    values = (0.123, 9.99, 123.4, float("nan"))
+    assert [pixels(x) for x in values] == ["0.12 px", "9.99 px", "123 px", "not seen"]

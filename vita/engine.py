@@ -19,7 +19,7 @@ from vita.errors import BadInput, NotNow, UnknownName
 from vita.rig import SimulatedRig
 from vita.scenario.schema import Scenario
 from vita.servo import Controller, Limits, status_for
-from vita.servo.limits import apply_limits, change_joint_limit, change_setting
+from vita.servo.limits import apply_limits, change_joint_limit, change_setting, within_gate
 from vita.snapshot import Snapshot
 from vita.stopwatch import Stopwatch
 from vita.types import ErrorVector, JointStep, Notice, Observation, Status
@@ -71,7 +71,7 @@ class Engine:
             self.fail("gate_fault", gate_fault)
             return None
         self._check_trackers()
-        controller.joints = tuple(self.rig.joints)
+        controller.joints = within_gate(self.rig.joints)
         decision = controller.tick(seen.stamp, seen.q, self.error)
         if decision is None:
             return None
@@ -143,7 +143,7 @@ class Engine:
         if used.intersection(lost):
             names = ", ".join(repr(n) for n in lost if n in used)
             raise BadInput(f"lost tracker {names}: drag it onto its feature or delete it, then Start")
-        self.controller.joints = tuple(self.rig.joints)
+        self.controller.joints = within_gate(self.rig.joints)
         self._check_joints()
         self.editor.remember_start(self.observation)
         self.rig.release()

@@ -46,8 +46,8 @@ class Rig(Protocol):
         ...
 
     def gate_state(self) -> Mapping[str, object]:
-        """What the gate says: `fault` (a sentence, empty while all is well), `saturated` ((n,) bool,
-        joints held by a limit), `dropped` (steps refused), ..."""
+        """What the gate says: `fault` (a sentence, empty while all is well), `saturated` (indices of
+        joints held by a limit), `dropped` (steps refused), `stopped`, `at_rest`."""
         ...
 
     def stop_now(self) -> None:

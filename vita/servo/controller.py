@@ -19,7 +19,7 @@ from vita.servo.monitors import Convergence, DeadBand, Divergence, Stall
 from vita.servo.reasons import status_for
 from vita.types import MOVING_STATES, Array, ErrorVector, Joint, RowLabel, Status, frozen
 
-MIN_EFFECT_PX = 1.0
+MIN_EFFECT_PX = 0.3
 """An exploratory motion that moves the image by less than this has told nothing."""
 AT_LIMIT_RAD = np.radians(0.1)
 

@@ -14,6 +14,8 @@ import numpy as np
 from vita.errors import BadInput
 from vita.types import Array, Joint, JointStep
 
+MARGIN_RAD = 0.02
+"""Distance kept from the joint limits [rad]."""
 MAX_FRAME_AGE_S = 5 / 30
 """A step that answers an image older than this moves nothing [s]."""
 ARRIVED_RAD = 1e-12
@@ -46,7 +48,7 @@ class Gate:
         self,
         joints: Sequence[Joint],
         acceleration: float = 8.0,
-        margin: float = 0.02,
+        margin: float = MARGIN_RAD,
         dt: float = 1 / 240,
         lease_s: float = 0.1,
     ) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from vita.errors import BadInput, UnknownName
 from vita.servo.config import JointLimit, Limits
+from vita.servo.gate import MARGIN_RAD
 from vita.types import Joint
 
 Config = TypeVar("Config")
@@ -81,3 +82,8 @@ def apply_limits(joints: Sequence[Joint], limits: Limits) -> tuple[Joint, ...]:
             )
         )
     return tuple(result)
+
+
+def within_gate(joints: Sequence[Joint]) -> tuple[Joint, ...]:
+    """The joints as the servo may use them behind the gate, which stays `MARGIN_RAD` inside limits."""
+    return tuple(Joint(j.name, j.lower + MARGIN_RAD, j.upper - MARGIN_RAD, j.max_speed) for j in joints)

@@ -120,12 +120,12 @@ def rail(body: str) -> tuple[Visual, ...]:
 
 
 def bolt(body: str) -> tuple[Visual, ...]:
-    """A hexagon bolt, upright; its head is 0.06 m across flats, 25 mm high, and printed on top.
+    """A hexagon bolt, upright; its head is 32 mm across flats, 16 mm high, and printed on top.
 
     The origin is the centre of the hexagon's face, two of whose flats are parallel to x; the shank
-    reaches down to z = -0.075.
+    reaches down to z = -0.06.
     """
-    radius = 0.03 / np.cos(np.pi / 6)
+    radius = 0.016 / np.cos(np.pi / 6)
     angles = np.arange(6) * np.pi / 3
     outline = radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     picture = textures.poster((256, 222), "night", seed=66, bold=1.4)
@@ -135,13 +135,13 @@ def bolt(body: str) -> tuple[Visual, ...]:
         face = textures.poster(
             (112, 80), ("harbour", "ice", "berry", "clay", "garden", "night")[k], seed=67 + k, bold=1.6
         )
-        sides.append(sheet_visual(body, (*a, 0.0), (*(b - a), 0.0), (0, 0, -0.025), texture=face))
-    head = slab_visuals(body, outline, -0.025, 0.0, STEEL, top=picture)
+        sides.append(sheet_visual(body, (*a, 0.0), (*(b - a), 0.0), (0, 0, -0.016), texture=face))
+    head = slab_visuals(body, outline, -0.016, 0.0, STEEL, top=picture)
     return (
         *head[1:],
         *sides,
         *_underside(body, outline),
-        cylinder_visual(body, 0.015, -0.075, -0.025, STEEL),
+        cylinder_visual(body, 0.008, -0.06, -0.016, STEEL),
     )
 
 
@@ -165,7 +165,7 @@ def _quads(count: int) -> NDArray[np.int32]:
 
 def _underside(body: str, outline: Array) -> tuple[Visual, ...]:
     """The plain lower face of the bolt's head."""
-    points = np.hstack([outline, np.full((6, 1), -0.025)])
+    points = np.hstack([outline, np.full((6, 1), -0.016)])
     return (shape_visual(body, points, np.array([[0, k + 1, k] for k in range(1, 5)]), STEEL),)
 
 

@@ -25,6 +25,7 @@ from vita.ui.ports import check_free
 from vita.ui.safe import guarded, log
 from vita.ui.stream import Encoder, Stream
 from vita.ui.words import TEAL
+from vita.ui.world3d import Mesh, prepare
 
 PANEL_PERIOD_S = 0.1
 NOTICES_PER_SECOND = 3
@@ -61,8 +62,8 @@ class App:
         self._streams: dict[int, Stream] = {}
         self._display = Display()
         self._encoder = Encoder()
-        self._visuals: tuple[int, Sequence[Visual]] = (-1, ())
-        self._visuals_lock = threading.Lock()
+        self._meshes: tuple[int, Sequence[Mesh]] = (-1, ())
+        self._meshes_lock = threading.Lock()
         self._told = max((n.id for n in runner.snapshot().notices), default=0)
         self._recent: list[float] = []
         self._closing = threading.Event()
@@ -70,6 +71,7 @@ class App:
         self._scene()
         self.panels: list[Panel] = []
         self._panels()
+        self._scene_meshes()
         self.server.on_client_connect(self._arrived)
         self.server.on_client_disconnect(self._left)
         self._thread = threading.Thread(target=self._run, name="vita-page", daemon=True)
@@ -155,8 +157,8 @@ class App:
 
         def show(snapshot: Snapshot) -> None:
             board.work_off()
-            revision, visuals = self._scene_meshes()
-            board.build_world(visuals, snapshot.scenario.camera, revision)
+            revision, meshes = self._scene_meshes()
+            board.build_world(meshes, snapshot.scenario.camera, revision)
             board.show(snapshot, self._encoder.encode(snapshot) if board.mode == "cameras" else {})
 
         self._streams[client.client_id] = Stream(
@@ -169,16 +171,16 @@ class App:
             stream.stop()
         self.boards.pop(client.client_id, None)
 
-    def _scene_meshes(self) -> tuple[int, Sequence[Visual]]:
-        with self._visuals_lock:
+    def _scene_meshes(self) -> tuple[int, Sequence[Mesh]]:
+        with self._meshes_lock:
             revision = self.runner.rig_revision
-            if self._visuals[0] != revision:
+            if self._meshes[0] != revision:
                 try:
-                    self._visuals = (revision, self.runner.visuals())
+                    self._meshes = (revision, prepare(self.runner.visuals()))
                 except Exception:
                     log.exception("the 3D view has no meshes")
-                    self._visuals = (revision, ())
-            return self._visuals
+                    self._meshes = (revision, ())
+            return self._meshes
 
     # What people do.
 
@@ -239,7 +241,8 @@ class App:
             return
         names = list(board.layout.cells)
         name = names[number] if number is not None and number < len(names) else None
-        board.later(lambda: (board.switch("cameras"), board.fit(name)))
+        board.later(lambda: board.switch("cameras"))
+        board.later(lambda: board.fit(name))
 
     def _set_quality(self, quality: int) -> None:
         self._encoder.quality = quality

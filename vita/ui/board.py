@@ -18,12 +18,12 @@ import viser
 
 from vita.scenario.schema import CameraSpec
 from vita.snapshot import Snapshot
-from vita.types import Array, Visual
+from vita.types import Array
 from vita.ui.compose import SELECT, Composer
 from vita.ui.labels import LabelPool
 from vita.ui.layout import FOV, Cell, Layout, arrange, unproject, window_distance
 from vita.ui.overlay import Drawing, draw
-from vita.ui.world3d import World3D
+from vita.ui.world3d import Mesh, World3D
 
 REACH_PX = 10.0
 """How near a click must be to a marker to mean it [screen pixels]."""
@@ -129,11 +129,11 @@ class Board:
         else:
             self._big.update(snapshot.poses)
 
-    def build_world(self, visuals: Sequence[Visual], cameras: Sequence[CameraSpec], revision: int) -> None:
+    def build_world(self, meshes: Sequence[Mesh], cameras: Sequence[CameraSpec], revision: int) -> None:
         """Load the meshes of a (new) rig into both 3D views."""
         if self._small.revision != revision:
-            self._small.build(visuals, cameras, revision)
-            self._big.build(visuals, cameras, revision)
+            self._small.build(meshes, cameras, revision)
+            self._big.build(meshes, cameras, revision)
 
     def unit(self) -> float:
         """Board units per screen pixel at the present zoom."""
@@ -177,7 +177,7 @@ class Board:
             gone = self._views.pop(name)
             gone.labels.clear()
             gone.frame.remove()
-        for name, (w, h) in sizes.items():
+        for name in sizes:
             cell = self.layout.cells[name]
             if name in self._views and self._views[name].image.render_width == cell.rect.w:
                 self._views[name].frame.position = (cell.rect.x, cell.rect.y, 0.0)

@@ -1,4 +1,4 @@
-"""Composing a task by clicking: which click means what. Pure logic, without viser and without pixels on screen.
+"""Composing a task by clicking: which click means what. Pure logic, without viser.
 
 A tracker is asked for with each click, so that a bad spot is refused at once, where it was clicked.
 The constraint follows when every tracker of it is seen in a snapshot; a refused tracker puts the
@@ -52,7 +52,6 @@ class Composer:
     finished: int = 0
     """Constraints made since the tool was armed."""
     finished_in: str = ""
-    done_since: bool = False
     _names: set[str] = field(default_factory=set)
     _latest_notice: int = 0
 
@@ -83,7 +82,7 @@ class Composer:
         if number == 1 and self.finished:
             others = [name for name in cameras if name != self.finished_in]
             where = f"Now the same in {others[0]}." if others and self.finished == 1 else "Another one?"
-            return kind.label, f"{where} 1 of {total}: {kind.asks[0]} Esc or Done when finished."
+            return kind.label, f"{where} 1 of {total}: {kind.asks[0]} Esc when finished."
         return kind.label, f"{number} of {total}: {kind.asks[number - 1]}"
 
     # What people do.

@@ -30,7 +30,7 @@ def add_hotkeys(app: App) -> None:
     key("Cameras or 3D world", "V", app.switch)
     for number in range(4):
         key(f"Camera {number + 1} large", str(number + 1), lambda event, n=number: app.fit(event, n))
-    for letter, kind in zip("PLMB", KINDS):
+    for letter, kind in zip("PLMB", KINDS, strict=True):
         key(kind.label, letter, lambda event, k=kind.key: composer.arm(k), text=kind.meaning)
     key("Place trackers", "T", lambda event: composer.arm(TRACKER))
     key("Select", "X", lambda event: composer.arm(SELECT))

@@ -140,7 +140,7 @@ def draw(
 
 def _goal_names(constraint: ConstraintSpec) -> Sequence[str]:
     roles = kind_of(constraint.kind).roles
-    return [p for p, role in zip(constraint.points, roles) if role == "goal"]
+    return [p for p, role in zip(constraint.points, roles, strict=False) if role == "goal"]
 
 
 def _constraint(

@@ -1,4 +1,4 @@
-"""What stands between viser's callbacks and vita: nothing from a browser is trusted, nothing is swallowed."""
+"""What stands between viser's callbacks and vita: no browser is trusted, nothing is swallowed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ def guarded(tell: Tell) -> Callable[[Callable[[Any], None]], Callable[[Any], Any
             except Exception:
                 ident = secrets.token_hex(2)
                 log.exception("page callback failed, id %s", ident)
-                tell(client, "error", f"Internal error {ident}: nothing was changed. The log has the details.")
+                text = f"Internal error {ident}: nothing was changed. The log has the details."
+                tell(client, "error", text)
 
         return callback
 

@@ -18,10 +18,14 @@ BASE = """
 .vita .grow{flex:1;min-width:0;line-height:1.6;overflow:hidden;text-overflow:ellipsis;white-space:nowrap}
 .vita .dim{color:#667085}
 .vita .ink{color:#18202c}
-.vita .link{color:#0d766e;border:1px solid #cfe5e2;border-radius:999px;padding:1px 9px;font-weight:600;font-size:12px;white-space:nowrap}
+#vita-run{min-height:60px}
+#vita-run .row{margin-bottom:4px}
+.vita .link{color:#0d766e;border:1px solid #cfe5e2;border-radius:999px;padding:1px 9px;font-weight:600;
+font-size:12px;white-space:nowrap}
 .vita .link:hover{background:#f2f8f7}
 .vita .num{font-variant-numeric:tabular-nums}
-.vita .chip{color:#fff;border-radius:999px;padding:2px 11px;font-weight:650;font-size:12.5px;white-space:nowrap}
+.vita .chip{color:#fff;border-radius:999px;padding:2px 11px;font-weight:650;font-size:12.5px;
+white-space:nowrap}
 .vita .dot{width:10px;height:10px;border-radius:50%;flex:none;display:inline-block}
 .vita .bar{width:4px;align-self:stretch;border-radius:2px;flex:none}
 .vita .card{border:1px solid #e4e7ec;border-radius:8px;padding:8px 10px;background:#fff}
@@ -29,7 +33,8 @@ BASE = """
 .vita .hint{background:#f5f8ff;border-color:#d6e2fb}
 .vita .warn{color:#b54708}
 .vita ol{margin:4px 0 0;padding-left:20px}
-.vita h4{margin:10px 0 4px;font-size:12px;font-weight:650;color:#475467;display:flex;justify-content:space-between}
+.vita h4{margin:10px 0 4px;font-size:12px;font-weight:650;color:#475467;
+display:flex;justify-content:space-between}
 .vita .list{border:1px solid #e4e7ec;border-radius:8px;overflow:hidden}
 .vita .item{display:flex;align-items:center;gap:8px;padding:4px 8px;border-top:1px solid #f0f2f5}
 .vita .item:first-child{border-top:0}
@@ -38,7 +43,6 @@ BASE = """
 .vita label.x{color:#98a2b3;padding:0 4px;font-size:16px;line-height:1;border-radius:4px}
 .vita label.x:hover{color:#dc2626;background:#fee4e2}
 .vita .empty{padding:8px 10px;color:#667085}
-.vita kbd{font:inherit;font-size:11.5px;border:1px solid #d0d5dd;border-bottom-width:2px;border-radius:4px;padding:0 4px;background:#fff}
 """
 
 HEIGHTS = f"""

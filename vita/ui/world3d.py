@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import viser
@@ -15,6 +16,24 @@ from vita.ui.words import TEAL
 
 REACH_M = 1.35
 """How far from the arm's base something may be to belong to the 3D view [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A visual as it is sent: plain, or as a GLB when it has a texture."""
+
+    body: str
+    visual: Visual
+    glb: bytes | None
+
+
+def prepare(visuals: Sequence[Visual]) -> list[Mesh]:
+    """What the 3D view shows of a rig, encoded once for all browsers and both views."""
+    return [
+        Mesh(v.body, v, _textured(v) if v.uv is not None and v.texture is not None else None)
+        for v in visuals
+        if near_the_arm(v)
+    ]
 
 
 class World3D:
@@ -48,18 +67,20 @@ class World3D:
                     node.scale = scale * (0.09 if "/cam/" in node.name else 1.0)  # type: ignore
         self._last.clear()
 
-    def build(self, visuals: Sequence[Visual], cameras: Sequence[CameraSpec], revision: int) -> None:
+    def build(self, meshes: Sequence[Mesh], cameras: Sequence[CameraSpec], revision: int) -> None:
         """Make the meshes of a rig; called again only when the rig changes."""
         for nodes in [*self._bodies.values(), *self._cameras.values()]:
             for node in nodes:
                 node.remove()
         self._bodies, self._cameras, self._last, self.revision = {}, {}, {}, revision
-        for index, visual in enumerate(v for v in visuals if near_the_arm(v)):
-            node = self._mesh(f"{self._root}/body/{index}", visual)
-            self._bodies.setdefault(visual.body, []).append(node)
+        # New names, because a browser would show a node of an old name at the old node's pose.
+        root = f"{self._root}/rig{revision}"
+        for index, mesh in enumerate(meshes):
+            node = self._mesh(f"{root}/body/{index}", mesh)
+            self._bodies.setdefault(mesh.body, []).append(node)
         for spec in cameras:
             width, height = spec.size
-            name = f"{self._root}/cam/{spec.name}"
+            name = f"{root}/cam/{spec.name}"
             self._cameras[f"camera:{spec.name}"] = [
                 self._scene.add_camera_frustum(
                     name, fov=np.radians(spec.fov_deg), aspect=width / height, scale=0.09 * self.scale,
@@ -85,15 +106,16 @@ class World3D:
             for node in nodes:
                 node.wxyz, node.position = rotation, position
 
-    def _mesh(self, name: str, visual: Visual) -> viser.SceneNodeHandle:
+    def _mesh(self, name: str, mesh: Mesh) -> viser.SceneNodeHandle:
+        visual = mesh.visual
         color = tuple(int(round(255 * float(np.clip(c, 0, 1)))) for c in visual.color)
-        if visual.uv is None or visual.texture is None:
+        if mesh.glb is None:
             return self._scene.add_mesh_simple(
                 name, np.asarray(visual.vertices, np.float32), np.asarray(visual.faces, np.uint32),
                 color=color, side="double", scale=self.scale, cast_shadow=False, receive_shadow=False,  # type: ignore
             )
         return self._scene.add_glb(
-            name, _textured(visual), scale=self.scale, cast_shadow=False, receive_shadow=False
+            name, mesh.glb, scale=self.scale, cast_shadow=False, receive_shadow=False
         )
 
 
@@ -118,6 +140,7 @@ def _textured(visual: Visual) -> bytes:
     uv[:, 1] = 1.0 - uv[:, 1]  # trimesh counts from the bottom
     picture = Picture.fromarray(np.ascontiguousarray(visual.texture))
     picture.thumbnail((512, 512))
+    picture.format = "JPEG"  # trimesh would otherwise write a PNG: larger, and much slower to make
     material = PBRMaterial(
         baseColorTexture=picture, metallicFactor=0.0, roughnessFactor=0.8,
         baseColorFactor=[*(float(c) for c in visual.color), 1.0], doubleSided=True,

@@ -107,7 +107,7 @@ class Crop:
 def _span(points: Array, margin: float, shape: tuple[int, ...]) -> list[tuple[int, int]]:
     """Column and row ranges around `points` within a picture, never empty."""
     spans = []
-    for low, high, limit in zip(points.min(axis=0), points.max(axis=0), (shape[1], shape[0]), strict=True):
-        start = int(min(max(low - margin, 0), limit - 2))
-        spans.append((start, int(min(max(high + margin + 2, start + 2), limit))))
+    for values, limit in zip(points.T.tolist(), (shape[1], shape[0]), strict=True):
+        start = int(min(max(min(values) - margin, 0), limit - 2))
+        spans.append((start, int(min(max(max(values) + margin + 2, start + 2), limit))))
     return spans

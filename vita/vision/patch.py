@@ -111,6 +111,9 @@ class PatchTracker:
             return self._lost("left the view", fit.quality)
         t.velocity = uv - t.uv if t.missing == 0 and not again else np.zeros(2)
         t.warp, t.before, t.uv, t.share, t.missing = fit.warp, crop, frozen(uv), fit.share, 0
+        if self._good(fit):
+            t.fine.learn(fit.agree)
+            t.coarse.learn(fit.agree)
         t.score = float(np.clip(fit.quality, 0, 1))
         return Feature(t.uv, "ok", t.score, frozen(warps.corners(t.warp)), f"patch {t.side:.0f} px")
 
@@ -129,7 +132,7 @@ class PatchTracker:
         if first and self._good(first):
             return first
         best = first
-        flow = motion.carry(t.before, crop, t.warp)
+        flow = motion.carry(t.before, crop, t.warp, t.fine.trust)
         for start in (flow, ahead, t.warp):
             if start is None:
                 continue
@@ -162,21 +165,24 @@ class PatchTracker:
     def _search(self, frame: Image) -> tuple[Fit | None, Crop | None]:
         """Look for the target around its last place, further away the longer it is missing."""
         t = self._target
-        # A target that stays away is sought in every third frame only: a search costs more than
-        # all the tracking.
-        if t.missing > 30 and t.missing % 3:
+        # A search costs more than tracking does, so a target that stays away is sought less often.
+        if t.missing > 4 and t.missing % (2 if t.missing < 30 else 3):
             return None, None
         radius = t.side * (1.0 + 0.5 * t.missing)
-        best, best_crop = None, None
+        likely = []
         for start in search.candidates(frame, t.fine.shape, t.warp, radius):
             crop = Crop.cut(frame, warps.corners(start), _margin(t.side))
-            fit = self._plain(crop, start) or self._robust(crop, start)
-            if fit and fit.score >= FOUND_SCORE and fit.share >= FOUND_SHARE:
-                if best is None or fit.quality > best.quality:
-                    best, best_crop = fit, crop
-                if fit.quality > 0.9:
-                    break
-        return best, best_crop
+            near = crop.part(warps.corners(start), 0.2 * t.side + 4)
+            rough = t.coarse.align(near, start, rounds=8, small=0.2)
+            likely.append((rough.score, rough.warp, crop))
+        if not likely:
+            return None, None
+        score, start, crop = max(likely, key=lambda found: found[0])
+        fit = self._plain(crop, start)
+        if fit is None and score > 0.5:
+            fit = self._robust(crop, start)
+        found = fit and fit.score >= FOUND_SCORE and fit.share >= FOUND_SHARE
+        return (fit, crop) if found else (None, None)
 
     @staticmethod
     def _good(fit: Fit) -> bool:
@@ -208,9 +214,8 @@ _SPREAD = np.array([(x, y) for y in _AXIS for x in _AXIS])
 
 def _in_view(warp: Array, size: tuple[int, int]) -> float:
     """Share of the region that is inside the frame."""
-    limit = np.array(size) - 0.5
-    outline = warps.corners(warp)
-    if (outline > -0.5).all() and (outline < limit).all():
+    us, vs = warps.corners(warp).T.tolist()
+    if min(*us, *vs) > -0.5 and max(us) < size[0] - 0.5 and max(vs) < size[1] - 0.5:
         return 1.0
     points = warps.apply(warp, _SPREAD)
-    return float(np.all((points > -0.5) & (points < limit), axis=1).mean())
+    return float(np.all((points > -0.5) & (points < np.array(size) - 0.5), axis=1).mean())

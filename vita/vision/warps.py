@@ -1,8 +1,8 @@
 """Homographies that carry a tracked region from its own square [-1, 1]^2 into the image.
 
 A warp is a (3, 3) matrix W with W[2, 2] = 1. Small motions are given in the region's own
-coordinates by the first 2, 4, 6 or 8 of the generators below (translation, similarity, affine,
-projective), so that one set of formulas serves every number of degrees of freedom.
+coordinates by the first 2, 4, 6 or 8 of eight numbers (translation, similarity, affine,
+projective), see `motions`, so that one set of formulas serves every number of degrees of freedom.
 """
 
 from __future__ import annotations
@@ -11,20 +11,6 @@ import numpy as np
 
 from vita.types import Array
 
-_GENERATORS = np.array(
-    [
-        [[0, 0, 1], [0, 0, 0], [0, 0, 0]],  # along x
-        [[0, 0, 0], [0, 0, 1], [0, 0, 0]],  # along y
-        [[0, -1, 0], [1, 0, 0], [0, 0, 0]],  # rotation
-        [[1, 0, 0], [0, 1, 0], [0, 0, 0]],  # scale
-        [[1, 0, 0], [0, -1, 0], [0, 0, 0]],  # aspect
-        [[0, 1, 0], [1, 0, 0], [0, 0, 0]],  # shear
-        [[0, 0, 0], [0, 0, 0], [-1, 0, 0]],  # perspective along x
-        [[0, 0, 0], [0, 0, 0], [0, -1, 0]],  # perspective along y
-    ],
-    dtype=np.float64,
-)
-_FLAT = np.ascontiguousarray(_GENERATORS.reshape(8, 9).T)
 _EYE = np.eye(3)
 _CORNERS = np.array([[-1.0, 1.0, 1.0, -1.0], [-1.0, -1.0, 1.0, 1.0], [1.0, 1.0, 1.0, 1.0]])
 
@@ -40,20 +26,26 @@ def shift(by: Array) -> Array:
 
 
 def motions(x: Array, y: Array) -> Array:
-    """(8, 2, k) displacement of the points (x, y) per unit of each generator."""
+    """(8, 2, k) displacement of the points (x, y) per unit of each number of a small motion.
+
+    In turn: shift along x and y, rotation, scale, aspect, shear, perspective along x and y.
+    """
     one, zero = np.ones_like(x), np.zeros_like(x)
     return np.array(
         [(one, zero), (zero, one), (-y, x), (x, y), (x, -y), (y, x), (x * x, x * y), (x * y, y * y)]
     )
 
 
-def undo(warp: Array, p: Array) -> Array:
+def undo(warp: Array, p: list[float]) -> Array:
     """`warp` composed with the inverse of the small motion `p` (2, 4, 6 or 8 numbers).
 
     The inverse is taken to second order, exp(-A) = I - A + A^2/2: cheaper than inverting, and
     exact in the limit where registration ends.
     """
-    a = (_FLAT[:, : len(p)] @ p).reshape(3, 3)
+    x, y, turn, scale, aspect, shear, lean_x, lean_y = p + [0.0] * (8 - len(p))
+    a = np.array(
+        [[scale + aspect, shear - turn, x], [shear + turn, scale - aspect, y], [-lean_x, -lean_y, 0.0]]
+    )
     moved = warp @ (_EYE - a + 0.5 * (a @ a))
     return moved / moved[2, 2]
 

@@ -57,7 +57,8 @@ class FilesPanel:
             Html(gui, f'<div class="vita dim">Kept in {safe(self._drawer.folder)}</div>')
         with gui.add_folder("This computer"):
             self._upload = gui.add_upload_button(
-                "Upload a task", icon=viser.Icon.UPLOAD, mime_type=".toml", hint="A .toml file of at most 1 MB."
+                "Upload a task", icon=viser.Icon.UPLOAD, mime_type=".toml",
+                hint="A .toml file of at most 1 MB.",
             )
             self._download = gui.add_button("Download this task", icon=viser.Icon.DOWNLOAD)
         self._save.on_click(guard(self._do_save))
@@ -76,7 +77,8 @@ class FilesPanel:
         about = f'<div class="dim">{safe(scenario.description)}</div>' if scenario.description else ""
         self._title.show(
             f'<div class="vita"><div class="card"><b>{safe(scenario.title)}</b>'
-            f'<div class="dim">{safe(scenario.scene.robot)} · {len(scenario.camera)} cameras</div>{about}</div></div>'
+            f'<div class="dim">{safe(scenario.scene.robot)} · {len(scenario.camera)} cameras</div>'
+            f"{about}</div></div>"
         )
 
     def show_me(self, event: Any) -> None:

@@ -75,6 +75,8 @@ class RunPanel:
         reason = explain(
             snapshot.status, len(scenario.tracker), len(scenario.constraint), snapshot.progress
         )
+        if state == "idle" and self._desk.composer.kind is not None and not scenario.constraint:
+            reason = "Composing: the next click is named below."
         error = ""
         if scenario.constraint:
             error = f'<span class="num dim">error <b class="ink">{pixels(snapshot.error.norm)}</b></span>'
@@ -82,8 +84,9 @@ class RunPanel:
         if snapshot.progress and snapshot.status.message:
             extra = f'<div class="dim">{safe(snapshot.progress)}</div>'
         self._status.show(
-            f'<div class="vita" id="vita-run" style="min-height:60px"><div class="row" style="margin-bottom:4px">'
-            f'<span class="chip" style="background:{hexed(color)}">{safe(text)}</span><span class="grow"></span>'
+            f'<div class="vita" id="vita-run"><div class="row">'
+            f'<span class="chip" style="background:{hexed(color)}">{safe(text)}</span>'
+            f'<span class="grow"></span>'
             f'{error}<label class="link" for="{self._switch._impl.uuid}" title="Cameras or 3D world (V)">'
             f"⇄ 3D</label></div>{safe(reason)}{extra}</div>"
         )

@@ -45,7 +45,7 @@ class ServoPanel:
                 self._joint_rows = [
                     _JointRow(self._desk, index, joint) for index, joint in enumerate(snapshot.joints)
                 ]
-        for row, joint in zip(self._joint_rows, snapshot.joints):
+        for row, joint in zip(self._joint_rows, snapshot.joints, strict=True):
             row.update(joint, snapshot.scenario)
 
     def _settings(self, group: str, kind: type, command: Callable[[str, float], object]) -> None:
@@ -54,11 +54,14 @@ class ServoPanel:
             if "low" not in meta:
                 continue
             unit = f" [{meta['unit']}]" if meta["unit"] else ""
-            hint = f"{meta['doc']} {meta['low']:g} to {meta['high']:g}{' ' + meta['unit'] if meta['unit'] else ''}."
+            span = f"{meta['low']:g} to {meta['high']:g} {meta['unit']}".strip()
+            hint = f"{meta['doc']} {span}."
             low, high, start = float(meta["low"]), float(meta["high"]), float(field.default)  # type: ignore
             label = meta["label"] + unit
             if high / max(low, 1e-3) > 5000 or high > 100:
-                handle = self._desk.gui.add_number(label, start, min=low, max=high, step=_step(start), hint=hint)
+                handle = self._desk.gui.add_number(
+                    label, start, min=low, max=high, step=_step(start), hint=hint
+                )
             else:
                 handle = self._desk.gui.add_slider(
                     label, min=low, max=high, step=_step(high - low) / 10, initial_value=start, hint=hint
@@ -106,7 +109,7 @@ class _JointRow:
         if self._use.value != inside:
             self._use.value = inside
         limits = (round(float(np.degrees(joint.lower)), 3), round(float(np.degrees(joint.upper)), 3))
-        if max(abs(a - b) for a, b in zip(limits, self._range.value)) > 0.01:
+        if max(abs(a - b) for a, b in zip(limits, self._range.value, strict=True)) > 0.01:
             self._range.value = limits
         speed = float(np.clip(joint.max_speed, 0.01, 3.0))
         if abs(self._speed.value - speed) > 1e-6:

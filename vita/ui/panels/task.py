@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import viser
 
 from vita import commands as c
@@ -13,6 +12,7 @@ from vita.errors import BadInput
 from vita.snapshot import Snapshot
 from vita.ui import style
 from vita.ui.compose import SELECT, TRACKER
+from vita.ui.panels import lists
 from vita.ui.panels.base import Desk, Html
 from vita.ui.panels.rows import RowButtons
 from vita.ui.safe import number, short_text
@@ -23,11 +23,8 @@ from vita.ui.words import (
     GREY,
     INK,
     KINDS,
-    RED,
     TEAL,
     hexed,
-    kind_of,
-    pixels,
     safe,
 )
 
@@ -35,6 +32,7 @@ HINT = """<div class="vita"><div class="card hint"><b>Make the arm move</b><ol>
 <li>Pick <b>Point → Point</b>.</li>
 <li>Click the tool, then its goal. Do it in each view.</li>
 <li>Press <b>Start</b>.</li></ol></div></div>"""
+COLORS = {**{kind.key: kind.color for kind in KINDS}, TRACKER: GREEN, SELECT: INK}
 
 
 class TaskPanel:
@@ -54,30 +52,37 @@ class TaskPanel:
             button.on_click(guard(lambda event, key=key: desk.composer.arm(key)))
         self._prompt = Html(gui)
         self._show_me = gui.add_button(
-            "Show me: load an example", icon=viser.Icon.SPARKLES, hint="Loads a finished task; then press Start."
+            "Show me: load an example", icon=viser.Icon.SPARKLES,
+            hint="Loads a finished task; then press Start.",
         )
         self._show_me.on_click(guard(show_me))
         self._goal = gui.add_dropdown(
-            "Goal", (GOAL_FIXED, GOAL_AUTO), hint="Whether a goal stays at its pixel or follows the image there."
+            "Goal", (GOAL_FIXED, GOAL_AUTO),
+            hint="Whether a goal stays at its pixel or follows the image there.",
         )
         self._goal.on_update(guard(self._set_goal))
-        self._trackers, self._constraints = Html(gui), Html(gui)
+        self._constraints, self._trackers = Html(gui), Html(gui)
         self._name = gui.add_text("Name", "", visible=False, hint="A new name for the selected tracker.")
         self._name.on_update(guard(self._rename))
         self._weight = gui.add_number("Weight", 1.0, min=0.01, max=100.0, step=0.1, visible=False)
         self._weight.on_update(guard(self._set_weight))
         self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, hint="Ctrl+Z")
         self._redo = gui.add_button("Redo", icon=viser.Icon.ARROW_FORWARD_UP, hint="Ctrl+Y")
-        self._clear = gui.add_button("Clear", icon=viser.Icon.TRASH, hint="Delete the whole task; Undo brings it back.")
+        self._clear = gui.add_button(
+            "Clear", icon=viser.Icon.TRASH, hint="Delete the whole task; Undo brings it back."
+        )
         self._reset = gui.add_button(
-            "Arm back", icon=viser.Icon.HOME, hint="Put the simulated arm and scene back to the start (Shift+R)."
+            "Arm back", icon=viser.Icon.HOME,
+            hint="Put the simulated arm and scene back to the start (Shift+R).",
         )
         self._reset.on_click(guard(lambda event: desk.submit(c.ResetArm())))
         self._undo.on_click(guard(lambda event: desk.submit(c.Undo())))
         self._redo.on_click(guard(lambda event: desk.submit(c.Redo())))
         self._clear.on_click(guard(lambda event: desk.submit(c.ClearTask())))
         self._messages = Html(gui)
-        self._tracker_rows = RowButtons(gui, guard, self._select, lambda name: desk.submit(c.DeleteTracker(name)))
+        self._tracker_rows = RowButtons(
+            gui, guard, self._select, lambda name: desk.submit(c.DeleteTracker(name))
+        )
         self._constraint_rows = RowButtons(
             gui, guard, self._choose, lambda name: desk.submit(c.DeleteConstraint(name))
         )
@@ -99,75 +104,26 @@ class TaskPanel:
         shown = kind is not None and "goal" in kind.roles
         if self._goal.visible != shown:
             self._goal.visible = shown
-        self._trackers.show(self._tracker_list(snapshot))
-        self._constraints.show(self._constraint_list(snapshot))
+        self._trackers.show(lists.trackers(snapshot, composer.selected, self._tracker_rows.ids))
+        self._constraints.show(
+            lists.constraints(snapshot, self._constraint, self._constraint_rows.ids)
+        )
         self._edit_fields(snapshot)
         for button, enabled in ((self._undo, snapshot.can_undo), (self._redo, snapshot.can_redo),
                                 (self._clear, not empty)):
             if button.disabled == enabled:
                 button.disabled = not enabled
-        self._messages.show(_messages(snapshot))
+        self._messages.show(lists.messages(snapshot))
         self._sheet.show(
             style.sheet(
                 style.side_by_side([b for k, b in self._tools.items()], 2),
-                *(style.tool(b, kind_of(k).color if k not in (SELECT, TRACKER) else INK if k == SELECT else GREEN,
-                             composer.tool == k) for k, b in self._tools.items()),
+                *(style.tool(b, COLORS[k], composer.tool == k) for k, b in self._tools.items()),
                 style.filled(self._show_me, TEAL),
                 style.side_by_side((self._undo, self._redo, self._clear, self._reset), 2),
                 style.plain((self._undo, self._redo, self._clear, self._reset)),
                 self._tracker_rows.css(), self._constraint_rows.css(),
             )
         )
-
-    def _tracker_list(self, snapshot: Snapshot) -> str:
-        trackers = snapshot.scenario.tracker
-        head = f'<div class="vita"><h4><span>Trackers</span><span class="dim">{len(trackers) or ""}</span></h4>'
-        if not trackers:
-            return head + '<div class="list"><div class="empty">None yet. Your clicks make them.</div></div></div>'
-        rows = []
-        for index, spec in enumerate(trackers):
-            feature = snapshot.features.get(spec.name)
-            lost = feature is not None and not feature.ok
-            color = RED if lost else TEAL if spec.kind == "fixed" else GREEN
-            at = feature.uv if feature is not None else spec.at
-            where = f"{at[0]:.1f}, {at[1]:.1f}" if at is not None else ""
-            what = "lost" if lost else "fixed" if spec.kind == "fixed" else spec.kind
-            detail = f' title="{safe(feature.detail)}"' if feature is not None and feature.detail else ""
-            pick, drop = self._tracker_rows.ids(index, spec.name)
-            on = " on" if self._desk.composer.selected == spec.name else ""
-            rows.append(
-                f'<div class="item{on}"><span class="dot" style="background:{hexed(color)}"></span>'
-                f'<label class="grow" for="{pick}"{detail}><b>{safe(spec.name)}</b> '
-                f'<span class="dim">{safe(spec.camera)} · {safe(what)}</span></label>'
-                f'<span class="num dim">{where}</span><label class="x" for="{drop}" title="Delete">×</label></div>'
-            )
-        return head + f'<div class="list">{"".join(rows)}</div></div>'
-
-    def _constraint_list(self, snapshot: Snapshot) -> str:
-        constraints = snapshot.scenario.constraint
-        head = (
-            f'<div class="vita"><h4><span>Constraints</span><span class="dim">{len(constraints) or ""}</span></h4>'
-        )
-        if not constraints:
-            return head + (
-                '<div class="list"><div class="empty">None yet. They tell the arm what to bring where.</div></div></div>'
-            )
-        rows = []
-        for index, spec in enumerate(constraints):
-            kind = kind_of(spec.kind)
-            residual = np.asarray(snapshot.error.of(spec.name))
-            seen = residual[np.isfinite(residual)]
-            value = pixels(float(np.linalg.norm(seen)) if seen.size else float("nan"))
-            pick, drop = self._constraint_rows.ids(index, spec.name)
-            on = " on" if self._constraint == spec.name else ""
-            weight = f" · weight {spec.weight:g}" if spec.weight != 1.0 else ""
-            rows.append(
-                f'<div class="item{on}"><span class="bar" style="background:{hexed(kind.color)}"></span>'
-                f'<label class="grow" for="{pick}"><b>{safe(spec.name)}</b> '
-                f'<span class="dim">{safe(kind.label)} · {safe(", ".join(spec.points))}{weight}</span></label>'
-                f'<span class="num">{value}</span><label class="x" for="{drop}" title="Delete">×</label></div>'
-            )
-        return head + f'<div class="list">{"".join(rows)}</div></div>'
 
     def _edit_fields(self, snapshot: Snapshot) -> None:
         selected = self._desk.composer.selected
@@ -213,15 +169,3 @@ class TaskPanel:
             value = number(event.target.value, 0.01, 100.0, "weight")
             self._desk.submit(c.SetWeight(self._constraint, value))
 
-
-def _messages(snapshot: Snapshot) -> str:
-    """The last few messages, newest first, so that an error can be read again."""
-    if not snapshot.notices:
-        return ""
-    colors = {"error": RED, "warning": (181, 71, 8), "info": GREY}
-    rows = "".join(
-        f'<div class="item"><span class="bar" style="background:{hexed(colors[n.level])}"></span>'
-        f"<span>{safe(n.text)}</span></div>"
-        for n in reversed(snapshot.notices[-4:])
-    )
-    return f'<div class="vita"><h4><span>Messages</span></h4><div class="list">{rows}</div></div>'

@@ -45,8 +45,10 @@ class ViewPanel:
         Html(gui, style.sheet(style.plain((refit,))))
         pane = gui.add_checkbox("3D overview", True, hint="A small live 3D view below the cameras.")
         pane.on_update(guard(self._paned))
-        fps = gui.add_slider("Pictures [Hz]", min=1, max=30, step=1, initial_value=int(display.fps),
-                             hint="How often the page shows new pictures. The servo's own rate is not touched.")
+        fps = gui.add_slider(
+            "Pictures [Hz]", min=1, max=30, step=1, initial_value=int(display.fps),
+            hint="How often the page shows new pictures. The servo's own rate is not touched.",
+        )
         fps.on_update(guard(self._paced))
         quality = gui.add_slider("JPEG quality", min=30, max=95, step=5, initial_value=80)
         quality.on_update(guard(self._encoded))
