@@ -7,22 +7,19 @@ import numpy as np
 
 from vita.types import Array
 from vita.vision import warps
-from vita.vision.images import Crop, Gray
+from vita.vision.images import Crop
 
 _AXIS = np.linspace(-0.85, 0.85, 5)
 _POINTS = np.array([(x, y) for y in _AXIS for x in _AXIS])
 
 
-def carry(before: Crop, after: Crop, warp: Array, trust: Gray) -> Array | None:
+def carry(before: Crop, after: Crop, warp: Array) -> Array | None:
     """`warp` of the frame of `before`, carried to the frame of `after` by a similarity.
 
-    Of 25 points those on trusted pixels, `trust` (n, n), are followed forward and back; those that come home agree on a similarity by RANSAC
+    25 points are followed forward and back; those that come home agree on a similarity by RANSAC
     (OpenCV seeds it the same way each time, so that runs repeat). None when too few agree.
     """
-    cells = ((_POINTS + 1) / 2 * len(trust)).astype(int)
-    start = warps.apply(warp, _POINTS[trust[cells[:, 1], cells[:, 0]] > 0.4])
-    if len(start) < 5:
-        return None
+    start = warps.apply(warp, _POINTS)
     # Both crops need the same origin and size for the flow: the smaller is cut from either.
     low = np.maximum(before.origin, after.origin).astype(int)
     high = np.minimum(

@@ -132,7 +132,7 @@ class PatchTracker:
         if first and self._good(first):
             return first
         best = first
-        flow = motion.carry(t.before, crop, t.warp, t.fine.trust)
+        flow = motion.carry(t.before, crop, t.warp)
         for start in (flow, ahead, t.warp):
             if start is None:
                 continue

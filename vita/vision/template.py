@@ -22,7 +22,7 @@ from vita.vision.images import Crop, Gray
 
 TUKEY = 4.685
 """Residuals beyond this many standard deviations do not count in the robust fit."""
-LEARN = 0.15
+LEARN = 0.3
 """Share of the way that a pixel's trust goes towards what the last frame showed."""
 MIN_TRUST = 0.3
 """Least share of the region that must stay trusted: fewer pixels could be anything."""
@@ -89,12 +89,7 @@ class Template:
     @property
     def shape(self) -> Gray:
         """(n, n) what the target looks like; zero, the mean, where the region is not part of it."""
-        return self._shape * self.trust
-
-    @property
-    def trust(self) -> Gray:
-        """(n, n) how far each pixel belongs to the target, 0 to 1."""
-        return self._trust.reshape(self.n, self.n)
+        return self._shape * self._trust.reshape(self.n, self.n)
 
     def learn(self, agree: NDArray[np.bool_] | None) -> None:
         """Trust the pixels that agree more and the others less; `agree` may have another resolution."""
