@@ -11,7 +11,7 @@ import pytest
 from sim_rig import KinematicRig, scenario
 
 from vita import commands as cmd
-from vita.errors import RigOffline
+from vita.errors import RigLate, RigOffline
 from vita.runner import Runner
 
 
@@ -133,6 +133,29 @@ def test_a_rig_that_is_gone_is_offline_and_one_command_restarts_it(runner: Runne
     assert len(runner.snapshot().scenario.constraint) == 2
     runner.submit(cmd.Start())
     until(lambda: state(runner) == "done")
+
+
+def test_a_rig_that_is_late_holds_the_arm_and_comes_back_by_itself(runner: Runner) -> None:
+    runner.submit(cmd.Start())
+    until(lambda: state(runner) == "servoing")
+    rig = runner._engine.rig
+    rig.fail = RigLate("no picture for 1 s")
+    until(lambda: state(runner) == "hold")
+    assert runner.snapshot().status.reason == "images_late" and rig.commands[-1] is None
+    rig.fail = None
+    rest(runner)
+    assert state(runner) == "hold", "it must not move again by itself"
+    runner.submit(cmd.Start())
+    until(lambda: state(runner) == "done")
+
+
+def test_a_rig_that_stays_silent_is_offline_until_it_is_back(runner: Runner, monkeypatch) -> None:
+    monkeypatch.setattr("vita.runner.OFFLINE_AFTER_S", 0.1)
+    rig = runner._engine.rig
+    rig.fail = RigLate("no picture for 1 s")
+    until(lambda: state(runner) == "offline")
+    rig.fail = None
+    until(lambda: state(runner) == "hold")
 
 
 def test_the_tick_count_never_goes_back_over_a_restart(runner: Runner) -> None:

@@ -49,14 +49,15 @@ def test_every_frame_of_a_moving_target_is_within_a_pixel(name, size_px):
     assert np.median(errors) < (0.1 if size_px != 31 else 0.25)
 
 
+@pytest.mark.parametrize("share", [0.25, 0.4])
 @pytest.mark.parametrize("speed", [1.0, 3.0])
-def test_a_quarter_covered_does_not_move_the_target(speed):
-    """What passes in front and rides along with a quarter of the patch neither drags nor loses it."""
+def test_a_partly_covered_target_stays_where_it_is(speed, share):
+    """What passes in front and rides along with a part of the patch neither drags nor loses it."""
     bare = Sequence(swing(speed), frames=45, seed=5)
 
     def cover(k):
         u, v = bare.truth(CLICK, k)
-        rise = 0.25 * 55 * min(1.0, max(0, k - 6) / 8)
+        rise = share * 55 * min(1.0, max(0, k - 6) / 8)
         return (u - 60, v + 27.5 - rise, u + 60, v + 70) if k > 6 else None
 
     sequence = Sequence(swing(speed), frames=45, seed=5, light=0.2, cover=cover)
@@ -64,6 +65,14 @@ def test_a_quarter_covered_does_not_move_the_target(speed):
     assert ok.mean() > 0.97
     assert (errors[ok] < 1.0).all()
     assert np.median(errors) < 0.1
+
+
+def test_background_inside_the_region_is_learned_and_left_alone():
+    """Clicked at the card's lower edge, two fifths of the region are scene that does not move along."""
+    for seed in (0, 1, 2):
+        errors, ok, _ = follow(Sequence(circle(4.0), frames=45, seed=seed), (160.4, 164.3), size_px=45)
+        assert ok.mean() > 0.95
+        assert (errors[ok] < 1.0).mean() > 0.95
 
 
 @pytest.mark.parametrize(("size_px", "bound"), [(31, 0.05), (61, 0.025)])

@@ -51,6 +51,8 @@ class Engine:
         watch.begin()
         self.observation = self.rig.observe()
         watch.lap("observe")
+        if self.controller.status.state == "offline":
+            self.controller.status = status_for("images_late")  # It has come back by itself.
         self.editor.track(self.observation, lost=self._forced_losses())
         self.error = stack(self.editor.task.terms(), self.editor.features)
         watch.lap("track")

@@ -47,3 +47,7 @@ class MissingDependency(VitaError):
 
 class RigOffline(VitaError):
     """The robot or the simulation does not answer."""
+
+
+class RigLate(RigOffline):
+    """The robot or the simulation lives but has sent no picture for a while; it may come back."""

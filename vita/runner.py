@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from vita import commands as cmd
 from vita.engine import Engine
-from vita.errors import RigOffline, VitaError
+from vita.errors import RigLate, RigOffline, VitaError
 from vita.rig import SimulatedRig
 from vita.scenario.schema import Scenario
 from vita.snapshot import Snapshot
@@ -22,6 +23,8 @@ from vita.types import Visual
 
 log = logging.getLogger("vita.runner")
 MAX_QUEUE = 256
+OFFLINE_AFTER_S = 5.0
+"""A rig that lives but sends nothing for so long is called offline. It may still come back [s]."""
 
 
 class Runner:
@@ -37,6 +40,7 @@ class Runner:
         self._stop = threading.Event()
         self._closing = threading.Event()
         self._fresh = threading.Condition()
+        self._last_tick_s = time.monotonic()
         self._latest = self._engine.snapshot()
         self._thread = threading.Thread(target=self._run, name="vita-runner", daemon=True)
         self._thread.start()
@@ -85,6 +89,9 @@ class Runner:
                 self._take_stop()
                 self._drain()
                 self._publish(self._engine.tick())
+                self._last_tick_s = time.monotonic()
+            except RigLate as failure:
+                self._late(failure)
             except RigOffline as failure:
                 self._offline(failure)
             except Exception as failure:
@@ -138,16 +145,28 @@ class Runner:
             self._latest = snapshot
             self._fresh.notify_all()
 
+    def _late(self, failure: RigLate) -> None:
+        """The gate brakes by itself when steps stay away; here it is said, and waited for more."""
+        if time.monotonic() - self._last_tick_s > OFFLINE_AFTER_S:
+            self._offline(failure)
+            return
+        self._engine.stop("images_late")
+        self._publish_status()
+
     def _offline(self, failure: RigOffline) -> None:
         """Say once that the rig is gone, and wait for somebody to restart it."""
         engine = self._engine
         if engine.controller.status.state != "offline":
             log.error("rig offline: %s", failure)
             engine.fail("rig_offline", str(failure).splitlines()[0] if str(failure) else "no answer")
-        tick = self._latest.tick + 1
-        self._publish(replace(self._latest, tick=tick, status=engine.controller.status,
-                              notices=engine.notices, progress=""))
+        self._publish_status()
         self._closing.wait(0.1)
+
+    def _publish_status(self) -> None:
+        """The last snapshot again with the state of now: there is no new observation to show."""
+        engine = self._engine
+        status, tick = engine.controller.status, self._latest.tick + 1
+        self._publish(replace(self._latest, tick=tick, status=status, notices=engine.notices, progress=""))
 
     def _survive(self, failure: Exception) -> None:
         """An error in our own code is a fault of the arm's state, shown, logged, and survivable."""
@@ -157,8 +176,7 @@ class Runner:
             self._engine.rig.command(None)
         except VitaError:
             log.exception("the rig could not be told to rest")
-        tick = self._latest.tick + 1
-        self._publish(replace(self._latest, tick=tick, status=self._engine.controller.status, progress=""))
+        self._publish_status()
         self._closing.wait(0.1)
 
 

@@ -53,6 +53,7 @@ REASONS: dict[str, tuple[State, str]] = {
     "gate_fault": ("fault", "{culprit} Acknowledge, look at the arm, then press Start."),
     "bad_measurement": ("fault", "The robot reported an impossible joint position. The arm was stopped."),
     "internal_error": ("fault", "Internal error: {culprit}. The arm was stopped; Acknowledge to go on."),
+    "images_late": ("hold", "No new images came for a second, so the arm was stopped. Press Start to go on."),
     "rig_offline": ("offline", "The simulation does not answer: {culprit}. Restart it."),
     "frozen_feed": ("hold", "Camera {culprit} stopped sending new images. Press Start when it is back."),
 }

@@ -93,7 +93,7 @@ class LiveRig:
     def observe(self, timeout: float = 1.0) -> Observation:
         """Wait for the next frame that is newer than the last one observed.
 
-        Raises `RigOffline` when none comes within `timeout` [s] or the simulation has ended.
+        Raises `RigLate` when none comes within `timeout` [s], `RigOffline` when the simulation has ended.
         """
         self._check_open()
         try:
@@ -120,7 +120,7 @@ class LiveRig:
                     break
             rest = deadline - time.monotonic()
             if rest <= 0:
-                raise errors.RigOffline(f"the simulation has sent no picture for {timeout:g} s; restart it")
+                raise errors.RigLate(f"no picture for {timeout:g} s")
             self._news.acquire(timeout=min(rest, 0.05))
         while self._news.acquire(block=False):
             pass  # What the semaphore still counts are pictures that this one has overtaken.

@@ -22,7 +22,7 @@ from vita.vision.images import Crop, Gray
 
 TUKEY = 4.685
 """Residuals beyond this many standard deviations do not count in the robust fit."""
-LEARN = 0.3
+LEARN = 0.15
 """Share of the way that a pixel's trust goes towards what the last frame showed."""
 MIN_TRUST = 0.3
 """Least share of the region that must stay trusted: fewer pixels could be anything."""
