@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-from sequences import Sequence, circle, swing  # noqa: E402
+from sequences import Sequence, circle, swing  # noqa: E402  # type: ignore
 
 from vita.vision import make_tracker  # noqa: E402
 
@@ -45,7 +45,7 @@ def klt(frame: np.ndarray) -> Follow:
 
     def follow(new: np.ndarray) -> np.ndarray:
         gray = cv2.cvtColor(new, cv2.COLOR_RGB2GRAY)
-        point, seen, _ = cv2.calcOpticalFlowPyrLK(state[0], gray, state[1], None, **options)
+        point, seen, _ = cv2.calcOpticalFlowPyrLK(state[0], gray, state[1], None, **options)  # type: ignore
         state[:] = gray, point
         return point.ravel().astype(float) if seen[0, 0] else np.full(2, np.nan)
 
@@ -65,7 +65,7 @@ def ecc(frame: np.ndarray) -> Follow:
         gray = cv2.cvtColor(new, cv2.COLOR_RGB2GRAY)
         try:
             start = state[0].copy()
-            _, state[0] = cv2.findTransformECC(patch, gray, start, cv2.MOTION_HOMOGRAPHY, stop, None, 3)
+            _, state[0] = cv2.findTransformECC(patch, gray, start, cv2.MOTION_HOMOGRAPHY, stop, None, 3)  # type: ignore
         except cv2.error:
             return np.full(2, np.nan)
         u, v, w = state[0] @ np.append(CLICK - corner, 1.0)

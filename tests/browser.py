@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_runner import FakeRunner
 
 from vita.ui import App
 from vita.ui.board import Board
@@ -46,9 +45,9 @@ def wait_for(condition: Callable[[], Any], what: str, seconds: float = 20.0) -> 
 
 
 class Visit:
-    """One browser window that looks at the page of a fake runner."""
+    """One browser window that looks at the page of a runner, a fake or the real one."""
 
-    def __init__(self, app: App, runner: FakeRunner, page: Any) -> None:
+    def __init__(self, app: App, runner: Any, page: Any) -> None:
         self.app, self.runner, self.page = app, runner, page
 
     @property

@@ -8,7 +8,14 @@ import numpy as np
 
 from vita.errors import BadInput, RigOffline
 from vita.scenario.schema import (
-    AttachSpec, CameraSpec, ConstraintSpec, NoiseSpec, Scenario, SceneSpec, ServoConfig, TrackerSpec,
+    AttachSpec,
+    CameraSpec,
+    ConstraintSpec,
+    NoiseSpec,
+    Scenario,
+    SceneSpec,
+    ServoConfig,
+    TrackerSpec,
 )
 from vita.types import Array, Joint, JointStep, Observation, Visual, frozen
 

@@ -21,7 +21,6 @@ from vita.scenario.library import shipped
 from vita.scenario.record import RunRecord
 
 
-
 @pytest.fixture
 def task(tmp_path: Path) -> str:
     (tmp_path / "task.toml").write_text(TASK)

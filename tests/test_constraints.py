@@ -175,7 +175,9 @@ def test_only_the_rows_of_a_lost_tracker_drop_out(lost: str) -> None:
     error = stack(
         [Term("x", "point_to_point", ("a", "b"), "l"), Term("y", "point_to_point", ("c", "d"), "l")], features
     )
-    gone = {label.constraint for label, value in zip(error.labels, error.values, strict=True) if np.isnan(value)}
+    gone = {
+        label.constraint for label, value in zip(error.labels, error.values, strict=True) if np.isnan(value)
+    }
     assert gone == {"x" if lost in "ab" else "y"}
 
 

@@ -68,7 +68,10 @@ def test_the_rule_would_notice_a_breach(tmp_path: Path) -> None:
 
 
 def test_importing_vita_brings_in_neither_viser_nor_pybullet_nor_opencv() -> None:
-    code = "import sys, vita, vita.servo, vita.constraints; print([m for m in ('viser','pybullet','cv2') if m in sys.modules])"
+    code = (
+        "import sys, vita, vita.servo, vita.constraints; "
+        "print([m for m in ('viser', 'pybullet', 'cv2') if m in sys.modules])"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

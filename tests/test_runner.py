@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 import pytest
@@ -41,6 +42,10 @@ def state(runner: Runner) -> str:
     return runner.snapshot().status.state
 
 
+def rig_of(runner: Runner) -> PacedRig:
+    return cast(PacedRig, runner._engine.rig)
+
+
 def rest(runner: Runner) -> None:
     tick = runner.snapshot().tick
     until(lambda: runner.snapshot().tick > tick + 3)
@@ -70,7 +75,7 @@ def test_stop_in_the_middle_of_exploration_rests_the_arm(runner: Runner) -> None
 
 
 def test_a_start_that_was_queued_before_a_stop_is_dropped(runner: Runner) -> None:
-    rig = runner._engine.rig
+    rig = rig_of(runner)
     gate = threading.Event()
     observe = rig.observe
     rig.observe = lambda: (gate.wait(5), observe())[1]  # type: ignore[method-assign]
@@ -107,7 +112,7 @@ def test_a_refused_command_becomes_a_notice_and_the_loop_goes_on(runner: Runner)
 def test_an_exception_in_the_loop_is_a_fault_that_rests_the_arm_and_can_be_left(runner: Runner) -> None:
     runner.submit(cmd.Start())
     until(lambda: state(runner) == "servoing")
-    rig = runner._engine.rig
+    rig = rig_of(runner)
     rig.fail = ZeroDivisionError("broken on purpose")
     until(lambda: state(runner) == "fault")
     assert "broken on purpose" in runner.snapshot().status.message
@@ -123,10 +128,10 @@ def test_an_exception_in_the_loop_is_a_fault_that_rests_the_arm_and_can_be_left(
 
 
 def test_a_rig_that_is_gone_is_offline_and_one_command_restarts_it(runner: Runner) -> None:
-    runner._engine.rig.fail = RigOffline("the simulation ended")
+    rig_of(runner).fail = RigOffline("the simulation ended")
     until(lambda: state(runner) == "offline")
     assert "the simulation ended" in runner.snapshot().status.message
-    old, revision = runner._engine.rig, runner.rig_revision
+    old, revision = rig_of(runner), runner.rig_revision
     runner.submit(cmd.ResetArm())
     until(lambda: state(runner) == "idle")
     assert old.closed and runner.rig_revision == revision + 1
@@ -138,7 +143,7 @@ def test_a_rig_that_is_gone_is_offline_and_one_command_restarts_it(runner: Runne
 def test_a_rig_that_is_late_holds_the_arm_and_comes_back_by_itself(runner: Runner) -> None:
     runner.submit(cmd.Start())
     until(lambda: state(runner) == "servoing")
-    rig = runner._engine.rig
+    rig = rig_of(runner)
     rig.fail = RigLate("no picture for 1 s")
     until(lambda: state(runner) == "hold")
     assert runner.snapshot().status.reason == "images_late" and rig.commands[-1] is None
@@ -151,7 +156,7 @@ def test_a_rig_that_is_late_holds_the_arm_and_comes_back_by_itself(runner: Runne
 
 def test_a_rig_that_stays_silent_is_offline_until_it_is_back(runner: Runner, monkeypatch) -> None:
     monkeypatch.setattr("vita.runner.OFFLINE_AFTER_S", 0.1)
-    rig = runner._engine.rig
+    rig = rig_of(runner)
     rig.fail = RigLate("no picture for 1 s")
     until(lambda: state(runner) == "offline")
     rig.fail = None
@@ -161,7 +166,7 @@ def test_a_rig_that_stays_silent_is_offline_until_it_is_back(runner: Runner, mon
 def test_the_tick_count_never_goes_back_over_a_restart(runner: Runner) -> None:
     until(lambda: runner.snapshot().tick > 20)
     tick = runner.snapshot().tick
-    runner._engine.rig.fail = RigOffline("gone")
+    rig_of(runner).fail = RigOffline("gone")
     until(lambda: state(runner) == "offline")
     runner.submit(cmd.ResetArm())
     until(lambda: state(runner) == "idle")
@@ -174,5 +179,5 @@ def test_close_ends_the_thread_and_the_rig_and_is_idempotent() -> None:
     r.submit(cmd.Start())
     r.close()
     r.close()
-    assert r._engine.rig.closed and threading.active_count() == before
-    assert r._engine.rig.commands[-1] is None
+    assert rig_of(r).closed and threading.active_count() == before
+    assert rig_of(r).commands[-1] is None

@@ -70,12 +70,13 @@ def test_a_partly_covered_target_stays_where_it_is(speed, share):
 def test_background_inside_the_region_is_learned_and_left_alone():
     """Clicked at the card's lower edge, two fifths of the region are scene that does not move along."""
     for seed in (0, 1, 2):
-        errors, ok, _ = follow(Sequence(circle(4.0), frames=45, seed=seed), (160.4, 164.3), size_px=45)
+        sequence = Sequence(circle(4.0), frames=45, seed=seed)
+        errors, ok, _ = follow(sequence, np.array([160.4, 164.3]), size_px=45)
         assert ok.mean() > 0.95
         assert (errors[ok] < 1.0).mean() > 0.95
 
 
-@pytest.mark.parametrize(("size_px", "bound"), [(31, 0.05), (61, 0.025)])
+@pytest.mark.parametrize(("size_px", "bound"), [(31, 0.025), (61, 0.012)])
 def test_a_still_target_hardly_jitters(size_px, bound):
     """Standard deviation of u and v [px] under noise of 2 grey levels."""
     for seed in (0, 1):
@@ -246,15 +247,26 @@ def test_two_runs_are_identical_to_the_bit():
     assert run() == run()
 
 
+def shaken(k):
+    """Large unsteady motion that no prediction helps with."""
+    return similarity(14 * np.sin(2.5 * k), 14 * np.sin(1.7 * k))
+
+
+def test_unsteady_motion_is_followed():
+    errors, ok, _ = follow(Sequence(shaken, frames=30, seed=1), size_px=41)
+    assert ok.all() and (errors < 0.5).all()
+
+
 def test_gray_and_colour_frames_agree_and_the_frame_is_not_kept():
     """A driver that fills one buffer again and again must not change the tracker's memory."""
-    frames = list(Sequence(circle(8.0), frames=15, seed=1))
+    frames = list(Sequence(shaken, frames=20, seed=1))
     by_copy = make_tracker("auto", frames[0], CLICK)
     buffer = frames[0].copy()
     by_buffer = make_tracker("auto", buffer, CLICK)
-    by_gray = make_tracker("auto", frames[0][:, :, 0].copy(), CLICK)
+    gray = np.ascontiguousarray(frames[0][:, :, 0])
+    by_gray = make_tracker("auto", gray, CLICK)
     for frame in frames[1:]:
-        buffer[:] = frame
+        buffer[:], gray[:] = frame, frame[:, :, 0]
         uv = by_copy.update(frame).uv
         assert np.array_equal(by_buffer.update(buffer).uv, uv)
-        assert np.array_equal(by_gray.update(frame[:, :, 0]).uv, uv)
+        assert np.array_equal(by_gray.update(gray).uv, uv)

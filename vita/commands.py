@@ -144,7 +144,23 @@ class Perform:
 
 
 Command = (
-    Start | Halt | Acknowledge | AddTracker | MoveTracker | RenameTracker | DeleteTracker
-    | AddConstraint | DeleteConstraint | SetWeight | ClearTask | Undo | Redo | SetServo | SetLimits
-    | SetJointLimit | ResetArm | LoadTask | Perform
+    Start
+    | Halt
+    | Acknowledge
+    | AddTracker
+    | MoveTracker
+    | RenameTracker
+    | DeleteTracker
+    | AddConstraint
+    | DeleteConstraint
+    | SetWeight
+    | ClearTask
+    | Undo
+    | Redo
+    | SetServo
+    | SetLimits
+    | SetJointLimit
+    | ResetArm
+    | LoadTask
+    | Perform
 )

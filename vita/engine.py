@@ -238,8 +238,16 @@ class Engine:
         cmd.Perform: _perform,
         **dict.fromkeys(
             (
-                cmd.AddTracker, cmd.MoveTracker, cmd.RenameTracker, cmd.DeleteTracker, cmd.AddConstraint,
-                cmd.DeleteConstraint, cmd.SetWeight, cmd.ClearTask, cmd.Undo, cmd.Redo,
+                cmd.AddTracker,
+                cmd.MoveTracker,
+                cmd.RenameTracker,
+                cmd.DeleteTracker,
+                cmd.AddConstraint,
+                cmd.DeleteConstraint,
+                cmd.SetWeight,
+                cmd.ClearTask,
+                cmd.Undo,
+                cmd.Redo,
             ),
             _edit,
         ),

@@ -23,7 +23,10 @@ class LineToLine(Constraint):
 
     def residual(self, points: Array) -> Array:
         return np.array(
-            [signed_distance(points[0], points[2], points[3]), signed_distance(points[1], points[2], points[3])]
+            [
+                signed_distance(points[0], points[2], points[3]),
+                signed_distance(points[1], points[2], points[3]),
+            ]
         )
 
     def lines(self) -> tuple[tuple[int, int], ...]:

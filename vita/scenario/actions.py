@@ -36,9 +36,6 @@ ACTIONS: dict[str, Action] = {
     "freeze_camera": Action({"camera": str, "for_s": float}, ("camera",)),
     "unfreeze_camera": Action({"camera": str}, ("camera",)),
     "black_camera": Action({"camera": str, "for_s": float}, ("camera",)),
-    "unfreeze_camera": Action({"camera": str}, ("camera",)),
-    "black_camera": Action({"camera": str, "for_s": float}, ("camera",)),
-    "uncover": Action({"camera": str}, ("camera",)),
     "cover": Action(
         {"camera": str, "at": tuple[float, float], "size_px": float, "for_s": float}, ("camera", "at")
     ),

@@ -116,9 +116,7 @@ def _record(engine: Engine, scenario: Scenario, recorder: _Recorder, name: str) 
     ended_s = snapshots[max(end, 0)].stamp
     q = np.array([s.q for s in snapshots])
     motion_after = float(np.rad2deg(np.ptp(q[max(end, 0) :], axis=0).max()))
-    verdict = judged(
-        scenario, last.status, ended_s, last.error.largest, distance, motion_after
-    )
+    verdict = judged(scenario, last.status, ended_s, last.error.largest, distance, motion_after)
     outcome = outcome_of(last.status)
     blank = np.full((m, n), np.nan)
     return RunRecord(
@@ -183,5 +181,3 @@ def _explored(engine: Engine) -> np.ndarray | None:
         if controller.status.state != "learning":
             break
     return controller.jacobian if controller.jacobian.size else None
-
-

@@ -29,9 +29,7 @@ def check_ranges(config: Any, path: str) -> None:
             raise BadInput(f"expected a number, got {value!r}", f"{path}.{f.name}")
         if not meta["low"] <= value <= meta["high"]:  # NaN fails both comparisons
             unit = f" {meta['unit']}" if meta["unit"] else ""
-            raise BadInput(
-                f"{value} is outside {meta['low']} to {meta['high']}{unit}", f"{path}.{f.name}"
-            )
+            raise BadInput(f"{value} is outside {meta['low']} to {meta['high']}{unit}", f"{path}.{f.name}")
 
 
 @dataclass(frozen=True)
@@ -54,9 +52,7 @@ class ServoConfig:
     tolerance_px: float = setting(
         0.5, 0.01, 20.0, "px", "Done within", "Converged when every error component is below this."
     )
-    timeout_s: float = setting(
-        60.0, 0.5, 3600.0, "s", "Give up after", "Longest time from Start to done."
-    )
+    timeout_s: float = setting(60.0, 0.5, 3600.0, "s", "Give up after", "Longest time from Start to done.")
     joints: tuple[int, ...] | None = None
     """Indices of the joints that the servo may use; None means all."""
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vita.servo.broyden import BroydenEstimator
 from vita.servo.config import ServoConfig
@@ -223,9 +224,7 @@ class Controller:
         gain = min(1.0, self.config.gain * self._gain_boost) if self._gain_boost > 1 else self.config.gain
         dq = np.zeros(len(self.joints))
         while free.any():
-            dq, inverse = control_step(
-                jacobian, error.values, error.weights, gain, self.config.damping, free
-            )
+            dq, inverse = control_step(jacobian, error.values, error.weights, gain, self.config.damping, free)
             self.singular_values = frozen(inverse.singular_values)
             outward = free & self._pushes_out(q, dq)
             if not outward.any():
@@ -233,7 +232,7 @@ class Controller:
             free &= ~outward
         return np.zeros_like(dq)
 
-    def _pushes_out(self, q: Array, dq: Array) -> Array:
+    def _pushes_out(self, q: Array, dq: Array) -> NDArray[np.bool_]:
         lower = np.array([j.lower for j in self.joints])
         upper = np.array([j.upper for j in self.joints])
         return ((q >= upper - AT_LIMIT_RAD) & (dq > 0)) | ((q <= lower + AT_LIMIT_RAD) & (dq < 0))

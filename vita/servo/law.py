@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vita.types import Array
 
@@ -40,7 +41,7 @@ def damped_inverse(jacobian: Array, damping: float) -> Inverse:
 
 
 def control_step(
-    jacobian: Array, error: Array, weights: Array, gain: float, damping: float, free: Array
+    jacobian: Array, error: Array, weights: Array, gain: float, damping: float, free: NDArray[np.bool_]
 ) -> tuple[Array, Inverse]:
     """dq = -lambda J+ e (thesis eq. 2.15) over the joints where the (n,) mask `free` is true.
 

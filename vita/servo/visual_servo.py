@@ -23,7 +23,8 @@ PERIOD_S = 1.0 / 30.0
 class Robot(Protocol):
     """All that a user writes to servo a robot: the thesis' `delta_move` and the joint positions."""
 
-    joints: Sequence[Joint]
+    @property
+    def joints(self) -> Sequence[Joint]: ...
 
     def position(self) -> ArrayLike:
         """(n,) joint positions [rad]."""

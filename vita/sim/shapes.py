@@ -16,6 +16,15 @@ from vita.types import Array
 
 Point2 = tuple[float, float]
 
+FLATNESS_M = 0.0006
+"""How far a chord may stay behind its arc: below half a pixel of a 640x480 view from a metre away [m]."""
+
+
+def arc_steps(radius: float, sweep: float, flatness: float = FLATNESS_M) -> int:
+    """How many chords an arc of `radius` [m] over `sweep` [rad] needs to look round; at least one."""
+    half = np.arccos(max(0.0, 1.0 - flatness / max(radius, 1e-9)))
+    return max(1, round(sweep / (2 * half)))
+
 
 @dataclass(frozen=True, eq=False)
 class Solid:
@@ -65,7 +74,7 @@ def loft(rings: Array, closed: bool = False) -> Solid:
     return Solid(np.concatenate([rings.reshape(-1, 3), ends]), np.concatenate(faces).astype(np.int32))
 
 
-def fillet(profile: Sequence[Point2], radius: float, steps: int = 3) -> list[Point2]:
+def fillet(profile: Sequence[Point2], radius: float) -> list[Point2]:
     """Round the inner corners of an open polyline with arcs of at most `radius`."""
     points = [np.array(p, dtype=float) for p in profile]
     rounded = [points[0]]
@@ -83,7 +92,7 @@ def fillet(profile: Sequence[Point2], radius: float, steps: int = 3) -> list[Poi
         center = corner + bisector * r / np.sin(half)
         start, end = corner + u * cut - center, corner + v * cut - center
         sweep = np.arccos(np.clip(start @ end / (r * r), -1, 1))
-        for t in np.linspace(0, 1, steps + 1):
+        for t in np.linspace(0, 1, arc_steps(r, sweep) + 1):
             arc = (np.sin((1 - t) * sweep) * start + np.sin(t * sweep) * end) / np.sin(sweep)
             rounded.append(center + arc)
     rounded.append(points[-1])
@@ -93,24 +102,35 @@ def fillet(profile: Sequence[Point2], radius: float, steps: int = 3) -> list[Poi
 def lathe(profile: Sequence[Point2], sections: int = 0, closed: bool = False) -> Solid:
     """A solid of revolution about z from a profile of (radius, z), outer side from bottom to top.
 
-    Without a number of sections, thick parts get more than thin ones (6 to 20 mm a section).
+    Without a number of sections, thick parts get more than thin ones. A profile that starts or ends
+    flat on the axis loses that point, as the fan that ends a loft is the same disc with fewer triangles.
     """
-    sections = sections or int(np.clip(2 * round(6 + 110 * max(r for r, _ in profile)), 14, 36))
+    points = list(profile)
+    if not closed:
+        for end, following in ((0, 1), (-1, -2)):
+            if len(points) > 2 and points[end][0] < 0.002 and points[end][1] == points[following][1]:
+                points.pop(end)
+    sections = sections or 2 * int(np.clip(arc_steps(max(r for r, _ in points), np.pi), 4, 18))
     angle = np.arange(sections) * (2 * np.pi / sections)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    rings = [np.column_stack([r * circle, np.full(sections, z)]) for r, z in profile]
+    rings = [np.column_stack([r * circle, np.full(sections, z)]) for r, z in points]
     return loft(np.array(rings), closed)
 
 
 def drum(radius: float, low: float, high: float, edge: float = 0.004, sections: int = 0) -> Solid:
     """A cylinder about z from `low` to `high` with rounded edges [m]."""
     flat = radius * 1e-3
-    return lathe(fillet([(flat, low), (radius, low), (radius, high), (flat, high)], edge, 2), sections)
+    return lathe(fillet([(flat, low), (radius, low), (radius, high), (flat, high)], edge), sections)
 
 
 def hoop(inner: float, outer: float, low: float, high: float) -> Solid:
     """A ring with a square section about z [m]."""
     return lathe([(inner, low), (outer, low), (outer, high), (inner, high)], closed=True)
+
+
+def band(radius: float, low: float, high: float) -> Solid:
+    """What looks like a ring around a thinner, solid bar: a plain disc, for half the triangles [m]."""
+    return lathe([(radius, low), (radius, high)])
 
 
 def ball(radius: float, sections: int = 28, rings: int = 12) -> Solid:
@@ -135,13 +155,15 @@ def slab(outline: Array, low: float, high: float, edge: float = 0.003) -> Solid:
     center = outline.mean(axis=0)
     inset = center + (outline - center) * (1 - edge / np.abs(outline - center).max())
     soft = center + (outline - center) * (1 - 0.3 * edge / np.abs(outline - center).max())
-    levels = [(inset, low), (soft, low + 0.3 * edge), (outline, low + edge)]
-    levels += [(outline, high - edge), (soft, high - 0.3 * edge), (inset, high)]
+    levels = [(inset, low), (outline, low + edge), (outline, high - edge), (inset, high)]
+    if edge >= 0.006:  # A small bevel need not be round.
+        levels[1:1], levels[-1:-1] = [(soft, low + 0.3 * edge)], [(soft, high - 0.3 * edge)]
     return loft(np.array([np.column_stack([ring, np.full(len(ring), z)]) for ring, z in levels]))
 
 
-def rounded_rectangle(x: float, y: float, radius: float, steps: int = 5) -> Array:
+def rounded_rectangle(x: float, y: float, radius: float) -> Array:
     """(n, 2) outline centred at the origin, counter-clockwise [m]."""
+    steps = arc_steps(radius, np.pi / 2)
     angle = np.linspace(0, np.pi / 2, steps + 1)
     arc = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     corner = np.array([x / 2 - radius, y / 2 - radius])
@@ -151,8 +173,9 @@ def rounded_rectangle(x: float, y: float, radius: float, steps: int = 5) -> Arra
     return np.concatenate([arc @ turn.T + corner * np.array(sign) for turn, sign in pairs])
 
 
-def stadium(start: Point2, end: Point2, r0: float, r1: float, steps: int = 14) -> Array:
+def stadium(start: Point2, end: Point2, r0: float, r1: float) -> Array:
     """(n, 2) outline of a link plate: two discs and what lies between, counter-clockwise [m]."""
+    steps = arc_steps(max(r0, r1), np.pi) + 1
     a, b = np.array(start), np.array(end)
     along = float(np.arctan2(*(b - a)[::-1]))
     lean = float(np.arcsin(np.clip((r0 - r1) / np.linalg.norm(b - a), -1, 1)))

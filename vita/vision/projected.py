@@ -17,7 +17,7 @@ NOISE_KINDS = ("perfect", "integer", "gaussian")
 
 def tracker_seed(seed: int, name: str) -> int:
     """A seed of a tracker's own, so that adding one does not change the others' noise."""
-    return zlib.crc32(f"{seed}".encode())
+    return zlib.crc32(f"{seed}/{name}".encode())
 
 
 class ProjectedTracker:

@@ -52,7 +52,7 @@ class TaskPanel:
             button.on_click(guard(lambda event, key=key: desk.composer.arm(key)))
         self._prompt = Html(gui)
         self._show_me = gui.add_button(
-            "Show me: load an example", icon=viser.Icon.SPARKLES,
+            "Show me an example", icon=viser.Icon.SPARKLES,
             hint="Loads a finished task; then press Start.",
         )
         self._show_me.on_click(guard(show_me))

@@ -1,0 +1,176 @@
+"""The whole path as a person walks it: the live simulation, the page, a real browser, real pixels."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from browser import Visit, chromium, wait_for
+
+from vita import commands as c
+from vita.runner import live_runner
+from vita.scenario.library import welcome
+from vita.types import MOVING_STATES
+from vita.ui import App
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(240)]
+CROSS = ("tool", (0.0, 0.0, 0.085))
+BALL = ("post", (0.0, 0.0, 0.0))
+
+
+@pytest.fixture(scope="module")
+def visit() -> Iterator[Visit]:
+    with chromium() as browser:
+        runner = live_runner(welcome())
+        app = App(runner, port=0)
+        try:
+            visit = Visit(app, runner, browser.new_page())
+            visit.open()
+            yield visit
+        finally:
+            app.close()
+            runner.close()
+
+
+@pytest.fixture(autouse=True)
+def empty_task(visit: Visit) -> None:
+    """Each test starts as a newcomer does: nothing drawn, the arm at the start."""
+    visit.runner.stop()
+    visit.app.composer.put_away()
+    settled(visit)
+    visit.runner.submit(c.LoadTask(welcome()))
+    wait_for(lambda: not visit.runner.snapshot().scenario.tracker, "an empty task")
+    settled(visit)
+
+
+def state(visit: Visit) -> str:
+    return visit.runner.snapshot().status.state
+
+
+def settled(visit: Visit, ticks: int = 5) -> None:
+    """Some further snapshots, none of them moving."""
+    wait_for(lambda: state(visit) not in MOVING_STATES, "an arm at rest")
+    tick = visit.runner.snapshot().tick
+    wait_for(lambda: visit.runner.snapshot().tick >= tick + ticks, "further snapshots")
+
+
+def seen_at(visit: Visit, camera: str, what: tuple[str, tuple[float, float, float]]) -> tuple[float, float]:
+    """Where a person would look. The page and the engine never ask for this."""
+    u, v = visit.runner._engine.rig.project(camera, *what)
+    return float(u), float(v)
+
+
+def compose(visit: Visit) -> dict[str, tuple[str, tuple[float, float]]]:
+    """Two point-to-point constraints by clicking; returns tracker name to (camera, clicked pixel)."""
+    clicked: dict[str, tuple[str, tuple[float, float]]] = {}
+    visit.press("Point → Point")
+    wait_for(lambda: visit.app.composer.tool == "point_to_point", "the tool in hand")
+    for number, camera in enumerate(("left", "right"), start=1):
+        for name, what in ((f"T{number}", CROSS), (f"G{number}", BALL)):
+            uv = seen_at(visit, camera, what)
+            clicked[name] = (camera, uv)
+            visit.click(camera, uv)
+            wait_for(lambda: name in visit.runner.snapshot().features, f"the tracker {name}")  # noqa: B023
+        wait_for(lambda: len(visit.runner.snapshot().scenario.constraint) == number, "the constraint")  # noqa: B023
+    visit.page.keyboard.press("Escape")
+    wait_for(lambda: visit.app.composer.tool == "select", "the tool put away")
+    return clicked
+
+
+def start(visit: Visit) -> None:
+    wait_for(lambda: visit.page.get_by_role("button", name="Start", exact=True).is_enabled(), "Start")
+    visit.press("Start")
+    wait_for(lambda: state(visit) != "idle", "the start")
+
+
+def converges(visit: Visit) -> None:
+    wait_for(lambda: state(visit) not in MOVING_STATES, "the end of the motion", 60.0)
+    snapshot = visit.runner.snapshot()
+    assert snapshot.status.state == "done", snapshot.status
+    assert snapshot.error.largest < 0.5
+
+
+def rest_after(visit: Visit, act: Callable[[], None]) -> float:
+    """Do `act` and return after how many seconds the arm has stood still for 10 snapshots running."""
+    began = time.monotonic()
+    act()
+    rested_at, still, last = began, 0, visit.runner.snapshot()
+    deadline = began + 20.0
+    while still < 10:
+        if time.monotonic() > deadline:
+            pytest.fail("the arm has not come to rest within 20 s")
+        newer = visit.runner.wait_newer(last.tick, 1.0)
+        if newer is None:
+            continue
+        if np.abs(newer.q - last.q).max() > 1e-5:
+            rested_at, still = time.monotonic(), 0
+        else:
+            still += 1
+        last = newer
+    return rested_at - began
+
+
+def test_a_task_clicked_together_converges_stops_and_survives_a_reload(
+    visit: Visit, record_property: Callable[[str, object], None]
+) -> None:
+    clicked = compose(visit)
+    scenario = visit.runner.snapshot().scenario
+    for spec in scenario.tracker:
+        camera, uv = clicked[spec.name]
+        assert spec.camera == camera and spec.at is not None
+        assert np.abs(np.array(spec.at) - uv).max() < 2.0  # half a CSS pixel is 0.75 px here
+    assert [k.points for k in scenario.constraint] == [("T1", "G1"), ("T2", "G2")]
+    home = visit.runner.snapshot().q
+
+    start(visit)
+    converges(visit)
+    assert np.abs(visit.runner.snapshot().q - home).max() > 0.05
+    visit.press("Arm back")
+    wait_for(lambda: np.abs(visit.runner.snapshot().q - home).max() < 1e-3, "the arm back at the start")
+    assert state(visit) == "idle" and len(visit.runner.snapshot().scenario.constraint) == 2
+
+    start(visit)
+    wait_for(lambda: state(visit) == "servoing", "the arm on its way", 60.0)
+    seconds = rest_after(visit, lambda: visit.press("Stop"))
+    record_property("stop_click_to_rest_s", round(seconds, 3))
+    print(f"Stop click to arm at rest: {seconds:.3f} s")
+    assert seconds < 2.0
+    assert (state(visit), visit.runner.snapshot().status.reason) == ("hold", "stopped_by_user")
+
+    before, kept = set(visit.app.boards), visit.runner.snapshot().scenario
+    visit.page.reload()
+    wait_for(lambda: set(visit.app.boards) - before, "the new window")
+    visit.ready()
+    wait_for(lambda: visit.page.get_by_text("T1, G1").count() > 0, "the task in the list")
+    assert visit.page.get_by_text("T2, G2").count() > 0
+    now = visit.runner.snapshot().scenario
+    assert now.constraint == kept.constraint
+    assert [t.name for t in now.tracker] == [t.name for t in kept.tracker]
+    assert state(visit) == "hold"
+
+
+def test_the_example_button_and_start_are_enough_to_see_it_work(visit: Visit) -> None:
+    visit.press("Show me an example")
+    wait_for(lambda: len(visit.runner.snapshot().scenario.constraint) == 2, "the example")
+    start(visit)
+    converges(visit)
+
+
+def test_a_simulation_that_dies_is_explained_and_restarts_with_the_task(visit: Visit) -> None:
+    visit.press("Show me an example")
+    wait_for(lambda: len(visit.runner.snapshot().scenario.constraint) == 2, "the example")
+    revision, known = visit.runner.rig_revision, visit.runner.snapshot().stamp
+    visit.runner._engine.rig._process.kill()
+    wait_for(lambda: state(visit) == "offline", "the loss to be noticed")
+    wait_for(lambda: visit.page.get_by_text("Offline", exact=True).count() > 0, "the page to say so")
+    visit.press("Restart")
+    wait_for(lambda: state(visit) == "idle", "the restart", 60.0)
+    assert visit.runner.rig_revision > revision and known >= 0
+    assert len(visit.runner.snapshot().scenario.constraint) == 2
+    shown = visit.board._snapshot
+    assert shown is not None
+    wait_for(lambda: visit.board._snapshot.tick > shown.tick + 5, "new pictures")  # type: ignore[union-attr]
+    start(visit)
+    converges(visit)
