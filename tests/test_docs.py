@@ -59,5 +59,5 @@ def test_every_reason_is_in_the_servo_page() -> None:
     from vita.servo import REASONS
 
     text = (ROOT / "docs" / "servo.md").read_text()
-    rig_only = {"", "rig_offline", "frozen_feed"}
+    rig_only = {"", "rig_offline"}
     assert [r for r in REASONS if r not in rig_only and f"`{r}`" not in text] == []

@@ -14,8 +14,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vita import __version__
-from vita.errors import BadInput, MissingDependency, VitaError
+# The matrices here are small: numpy's threads only wait for one another, and for the renderer. The
+# variable counts when numpy is loaded, and is inherited by the simulation's process.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from vita import __version__  # noqa: E402
+from vita.errors import BadInput, MissingDependency, VitaError  # noqa: E402
 
 if TYPE_CHECKING:
     from vita.scenario.record import RunRecord

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -16,7 +15,7 @@ from vita.rig import SimulatedRig
 from vita.scenario.schema import ConstraintSpec, NoiseSpec, Scenario, TrackerSpec
 from vita.task import Slot, Task, free_name
 from vita.types import Array, Feature, Observation, frozen
-from vita.vision import ProjectedTracker, make_tracker
+from vita.vision import ProjectedTracker, make_tracker, tracker_seed
 from vita.vision.base import Tracker
 
 UNDO_DEPTH = 100
@@ -34,6 +33,7 @@ class Editor:
         self._home = seen.q
         self.task = Task()
         self.features: dict[str, Feature] = {}
+        self._seed = scenario.seed
         self._past: list[Task] = []
         self._future: list[Task] = []
         self.load(scenario, seen)
@@ -103,7 +103,7 @@ class Editor:
         if spec.camera not in seen.frames:
             raise UnknownName("camera", spec.camera, seen.frames)
         frame = seen.frames[spec.camera]
-        seed = self._seed(spec.name)
+        seed = tracker_seed(self._seed, spec.name)
         if spec.kind == "projected":
             if spec.attach is None:
                 raise BadInput("a projected tracker needs `attach`", f"tracker {spec.name!r}")
@@ -114,14 +114,8 @@ class Editor:
         try:
             return make_tracker(spec.kind, frame, spec.at, size_px=spec.size_px, seed=seed)
         except Untrackable as failure:
-            named = Untrackable(str(failure), f"tracker {spec.name!r} in the {spec.camera} view")
-            named.suggestion = getattr(failure, "suggestion", None)  # type: ignore[attr-defined]
-            raise named from None
-
-    def _seed(self, name: str) -> int:
-        """Each tracker has a noise of its own, so that adding one does not change the others'."""
-        seed = self._scenario.seed if hasattr(self, "_scenario") else 0
-        return zlib.crc32(name.encode()) ^ seed
+            where = f"tracker {spec.name!r} in the {spec.camera} view"
+            raise Untrackable(str(failure), where, failure.suggestion) from None
 
     # ---- single edits --------------------------------------------------------------------------
 

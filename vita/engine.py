@@ -16,6 +16,7 @@ from vita import commands as cmd
 from vita.constraints import stack
 from vita.editing import Editor
 from vita.errors import BadInput, NotNow, UnknownName
+from vita.feeds import FrozenFeeds
 from vita.rig import SimulatedRig
 from vita.scenario.schema import Scenario
 from vita.servo import Controller, Limits, status_for
@@ -40,6 +41,7 @@ class Engine:
         self.observation: Observation = rig.observe()
         self.editor = Editor(rig, scenario, self.observation)
         self.limits = scenario.limits
+        self._feeds = FrozenFeeds()
         self.last_step: JointStep | None = None
         self.error: ErrorVector = stack((), {})
 
@@ -73,6 +75,7 @@ class Engine:
             self.fail("gate_fault", gate_fault)
             return None
         self._check_trackers()
+        self._check_feeds()
         controller.joints = within_gate(self.rig.joints)
         decision = controller.tick(seen.stamp, seen.q, self.error)
         if decision is None:
@@ -90,6 +93,12 @@ class Engine:
         if lost:
             places = ", ".join(f"{spec.name!r} in the {spec.camera} view" for spec in lost)
             self.controller.halt("tracker_lost", culprit=f"tracker {places}")
+
+    def _check_feeds(self) -> None:
+        cameras = {term.camera for term in self.editor.task.terms()}
+        frozen = self._feeds.update(self.observation, cameras)
+        if frozen and self.controller.moving:
+            self.controller.halt("frozen_feed", culprit=", ".join(repr(name) for name in frozen))
 
     def _forced_losses(self) -> frozenset[str]:
         now = self.observation.stamp
@@ -148,6 +157,7 @@ class Engine:
         self.controller.joints = within_gate(self.rig.joints)
         self._check_joints()
         self.editor.remember_start(self.observation)
+        self._feeds = FrozenFeeds()
         self.rig.release()
         self.controller.start(relearn=command.relearn)
 

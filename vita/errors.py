@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class VitaError(Exception):
@@ -32,7 +32,14 @@ class UnknownName(BadInput):
 
 
 class Untrackable(BadInput):
-    """The clicked place has nothing that a tracker could hold on to."""
+    """The clicked place has nothing that a tracker could hold on to.
+
+    `suggestion` is the nearest pixel (column, row) that would do, or None.
+    """
+
+    def __init__(self, message: str, path: str = "", suggestion: Sequence[float] | None = None) -> None:
+        super().__init__(message, path)
+        self.suggestion = suggestion
 
 
 class NotNow(VitaError):

@@ -168,7 +168,7 @@ def degrees_of_freedom(scenario: Scenario) -> str:
     if rank < len(used):
         text += "; the others stay free (the smallest motion is taken)"
     if rows > rank:
-        text += f"; {rows - rank} rows are redundant"
+        text += f"; {rows - rank} more than it takes"
     return text
 
 

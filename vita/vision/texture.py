@@ -49,9 +49,8 @@ def choose_region(frame: Image, uv: Array, size_px: float | None) -> tuple[Array
         if suggestion is None
         else f"The nearest good place is pixel ({suggestion[0]:.0f}, {suggestion[1]:.0f})."
     )
-    error = Untrackable(f"{reason} {hint}")
-    error.suggestion = suggestion  # type: ignore[attr-defined]
-    raise error
+    place = None if suggestion is None else (float(suggestion[0]), float(suggestion[1]))
+    raise Untrackable(f"{reason} {hint}", suggestion=place)
 
 
 def _fitting(frame: Image, uv: Array, sizes: tuple[float, ...]) -> tuple[Array, float] | None:
