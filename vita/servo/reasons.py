@@ -50,7 +50,7 @@ REASONS: dict[str, tuple[State, str]] = {
         "fault",
         "Numerical failure in the servo: {culprit}. Acknowledge, then Start learns again.",
     ),
-    "gate_fault": ("fault", "{culprit} Acknowledge, look at the arm, then press Start."),
+    "gate_fault": ("fault", "The gate stopped the arm: {culprit}."),
     "bad_measurement": ("fault", "The robot reported an impossible joint position. The arm was stopped."),
     "internal_error": ("fault", "Internal error: {culprit}. The arm was stopped; Acknowledge to go on."),
     "images_late": ("hold", "No new images came for a second, so the arm was stopped. Press Start to go on."),
