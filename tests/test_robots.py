@@ -117,7 +117,7 @@ def test_visuals_are_sound_and_belong_to_links(name):
     assert {v.body for v in visuals} == set(model.link_names)
     for v in visuals:
         assert_sound(v)
-    assert 10_000 < sum(len(v.faces) for v in visuals) < 25_000
+    assert 8_000 < sum(len(v.faces) for v in visuals) < 25_000
     floor = min(v.vertices[:, 2].min() for v in visuals if v.body == "base")
     assert floor == pytest.approx(-wam.SHOULDER_HEIGHT, abs=1e-4)
 

@@ -7,10 +7,10 @@ import tempfile
 from collections.abc import Sequence
 
 import numpy as np
-import pybullet as p
 from scipy.spatial.transform import Rotation
 
 from vita.errors import BadInput, RigOffline
+from vita.sim.bullet import pybullet as p
 from vita.sim.robots import RobotModel
 from vita.sim.urdf_file import with_absolute_meshes
 from vita.types import Array

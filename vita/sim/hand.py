@@ -6,11 +6,11 @@ import numpy as np
 
 from vita.sim.shapes import (
     Solid,
+    band,
     capsule,
     drum,
     fillet,
     frame_along,
-    hoop,
     joined,
     lathe,
     rounded_rectangle,
@@ -37,12 +37,12 @@ def hand_visuals() -> tuple[Visual, ...]:
     """The hand in the body `tool`, half open, about 0.2 m long."""
     parts: dict[str, list[Solid]] = {"white": [], "black": [], "metal": []}
     profile = [(0.001, 0.0), (0.044, 0.0), (0.044, 0.022), (0.038, 0.030), (0.001, 0.030)]
-    wrist = lathe(fillet(profile, 0.003, 2))
+    wrist = lathe(fillet(profile, 0.003))
     palm = slab(rounded_rectangle(0.088, 0.084, 0.034), 0.028, PALM, 0.006)
     pad = drum(0.026, PALM - 0.002, PALM + 0.002, 0.001)
     parts["metal"].append(wrist)
     parts["white"].append(palm)
-    parts["black"] += [hoop(0.036, 0.0448, 0.006, 0.014), pad]
+    parts["black"] += [band(0.0448, 0.006, 0.014), pad]
     for direction in FINGERS_DEG:
         for color, solid in _finger():
             parts[color].append(solid.moved(_about_z(direction)))
@@ -56,7 +56,7 @@ def _finger() -> list[tuple[str, Solid]]:
     ways = [np.array([np.sin(t), 0.0, np.cos(t)]) for t in lean]
     middle = knuckle + LENGTHS[0] * ways[0]
     tip = middle + LENGTHS[1] * ways[1]
-    inner = slab(stadium((0.0, 0.0), (0.0, LENGTHS[0]), 0.0125, 0.0095, 8), -0.0085, 0.0085, 0.002)
+    inner = slab(stadium((0.0, 0.0), (0.0, LENGTHS[0]), 0.0125, 0.0095), -0.0085, 0.0085, 0.002)
     joints = [
         drum(0.0145, -0.014, 0.014, 0.002).moved(_pin(knuckle, ways[0])),
         drum(0.0098, -0.011, 0.011, 0.002).moved(_pin(middle, ways[0])),

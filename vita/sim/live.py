@@ -272,9 +272,8 @@ def _end(process: BaseProcess, pipe: Connection, shared: SharedFrames) -> None:
     except OSError:
         pass
     process.join(1.0)
-    for force in (process.terminate, process.kill):
-        if process.is_alive():
-            force()
-            process.join(1.0)
+    if process.is_alive():
+        process.kill()
+        process.join(1.0)
     pipe.close()
     shared.close()

@@ -23,8 +23,9 @@ def main(
     scenario: Scenario, seed: int | None, memory: str, pipe: Connection, news: Semaphore
 ) -> None:
     """Run until the parent says so or is gone. Answers go through `pipe`, frames through `memory`."""
-    # Ctrl-C reaches the whole group of processes; the parent decides what it means.
+    # Both reach the whole group of processes; the parent brakes first and then ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     shared = None
     try:
         from vita.sim.world import World

@@ -74,11 +74,9 @@ class GlRenderer:
             box = self._box(camera, T, placed, moving) if moving else None
             if box is None:
                 return view.picture
-            # The whole background is copied, as that is a plain memory copy in the driver; drawing and
-            # reading are limited to the box.
-            _use(view.live, None)
-            self._ctx.copy_framebuffer(view.live, view.background)
+            # The scissor limits the copy, too. What lies outside the box is stale and is never read.
             _use(view.live, [self._scale * edge for edge in box])
+            self._ctx.copy_framebuffer(view.live, view.background)
             self._draw_bodies(camera, T, placed, moving)
             _use(view.live, None)
             picture = view.picture.copy()

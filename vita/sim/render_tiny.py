@@ -13,11 +13,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vita.errors import BadInput
+from vita.sim.bullet import pybullet
 from vita.sim.camera import PinholeCamera
 from vita.sim.render import FAR_M, NEAR_M, body_poses
 from vita.types import Array, Image, Visual

@@ -11,13 +11,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import pybullet as p
 
 from vita.errors import BadInput, RigOffline
 from vita.scenario.schema import Scenario
 from vita.servo.gate import Gate
 from vita.sim.actions import carry_out
 from vita.sim.arm import Arm
+from vita.sim.bullet import pybullet as p
 from vita.sim.camera_view import CameraView
 from vita.sim.environment import build_environment
 from vita.sim.joint_limits import limits_in_force, within
