@@ -92,7 +92,7 @@ def fillet(profile: Sequence[Point2], radius: float) -> list[Point2]:
         center = corner + bisector * r / np.sin(half)
         start, end = corner + u * cut - center, corner + v * cut - center
         sweep = np.arccos(np.clip(start @ end / (r * r), -1, 1))
-        for t in np.linspace(0, 1, arc_steps(r, sweep) + 1):
+        for t in np.linspace(0, 1, arc_steps(float(r), float(sweep)) + 1):
             arc = (np.sin((1 - t) * sweep) * start + np.sin(t * sweep) * end) / np.sin(sweep)
             rounded.append(center + arc)
     rounded.append(points[-1])
