@@ -74,7 +74,7 @@ class Visit:
         """Page coordinates at which a pixel of a view is seen."""
         box = self.canvas()
         assert box is not None
-        x, y = self.board.screen_of(camera, uv)
+        x, y = self.board.picking.screen_of(camera, uv)
         return box["x"] + x * box["width"], box["y"] + y * box["height"]
 
     def click(self, camera: str, uv: tuple[float, float]) -> None:

@@ -82,6 +82,10 @@ class FakeRunner:
         if self._status.state in ("learning", "servoing"):
             self._status = Status("hold", "stopped_by_user", "Stopped. Press Start to go on.")
 
+    def lose(self, message: str) -> None:
+        """As when the simulation has died; `ResetArm` brings it back."""
+        self._status = Status("offline", "rig_offline", message)
+
     def snapshot(self) -> Snapshot:
         return self._snapshot
 

@@ -280,6 +280,33 @@ def test_reset_puts_the_arm_back_and_the_task_can_run_again() -> None:
     assert run(e).status.state == "done"
 
 
+def test_reset_goes_where_the_task_was_drawn_also_after_a_stop_half_way_and_edits() -> None:
+    e = engine()
+    e.apply(cmd.Start())
+    while e.tick().status.state != "servoing":
+        pass
+    e.stop()
+    e.tick()
+    e.apply(cmd.SetWeight("meet left", 2.0))
+    e.apply(cmd.RenameTracker("tip_left", "tip"))
+    e.apply(cmd.Start())
+    e.tick()
+    e.stop()
+    e.apply(cmd.ResetArm())
+    np.testing.assert_allclose(e.tick().q, [0.3, 0.5, -0.4], atol=1e-7)
+
+
+def test_a_tracker_placed_at_another_pose_makes_that_pose_the_start() -> None:
+    """Its pixel belongs to that pose; together with another one the file would show it elsewhere."""
+    e = engine()
+    e.apply(cmd.Start())
+    run(e)
+    q = e.tick().q
+    e.apply(cmd.AddTracker("left", (300.0, 200.0), "fixed", "mark"))
+    saved = e.tick().scenario
+    np.testing.assert_allclose(np.deg2rad(saved.scene.q0_deg or ()), q, atol=1e-6)
+
+
 def test_a_fault_needs_an_acknowledgement_which_never_moves_the_arm() -> None:
     e = engine()
     e.fail("internal_error", "test")

@@ -31,6 +31,7 @@ from vita.ui.overlay import clip_line, draw
 from vita.ui.plots import SPAN_S, History
 from vita.ui.ports import check_free
 from vita.ui.safe import guarded, number
+from vita.ui.tags import Placer, Tag, box_of, overlap
 from vita.ui.words import KINDS, explain, pixels
 
 SIZES = st.dictionaries(
@@ -224,6 +225,36 @@ def test_overlays_are_finite_for_lost_and_missing_features() -> None:
         points, colors = strokes.arrays(cell, -1.0)
         assert np.isfinite(points).all() and points.shape == colors.shape
     assert any(tag.text == "p0 lost" for tag in drawing.tags)
+
+
+SPOT = st.tuples(st.floats(60, 580), st.floats(60, 420))
+
+
+@given(SPOT, SPOT)
+def test_labels_of_a_constraint_never_cover_one_another(
+    moving: tuple[float, float], goal: tuple[float, float]
+) -> None:
+    """Wherever the arm is on its way to the goal, all three labels can be read."""
+    placer = Placer()
+    for share in np.linspace(0.0, 1.0, 20):
+        at = tuple(np.array(moving) + share * (np.array(goal) - moving))
+        middle = tuple((np.array(at) + goal) / 2)
+        tags = [Tag("t", "cross_l", at), Tag("g", "ball_l", goal, "goal"),
+                Tag("v", "12.3 px", middle, "value")]
+        placed = placer.place(tags, (640, 480), 1.5, 6.0, 17.0)
+        boxes = [box_of(uv, anchor, (6 * len(tag.text) + 4) * 1.5, 17 * 1.5) for tag, uv, anchor in placed]
+        for i, a in enumerate(boxes):
+            assert a[0] >= 0 and a[1] >= 0 and a[2] <= 640 and a[3] <= 480
+            assert not any(overlap(a, b) for b in boxes[i + 1 :])
+
+
+def test_a_label_stays_where_it_is_while_nothing_is_in_its_way() -> None:
+    placer = Placer()
+    anchors = {
+        placer.place([Tag("t", "tip", (300.0 + i, 200.0))], (640, 480), 1.0, 6.0, 17.0)[0][2]
+        for i in range(50)
+    }
+    assert len(anchors) == 1
 
 
 def test_plot_columns_hold_no_nan_and_span_the_window() -> None:

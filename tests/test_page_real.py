@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 
@@ -18,6 +19,8 @@ from vita.ui import App
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(240)]
 CROSS = ("tool", (0.0, 0.0, 0.085))
 BALL = ("post", (0.0, 0.0, 0.0))
+STARVED = ("images_late", "tracker_lost")
+"""Reasons for which the arm stops on a machine that has too much else to do."""
 
 
 @pytest.fixture(scope="module")
@@ -79,37 +82,69 @@ def compose(visit: Visit) -> dict[str, tuple[str, tuple[float, float]]]:
     return clicked
 
 
-def start(visit: Visit) -> None:
+def start(visit: Visit) -> np.ndarray:
+    """Press Start; returns the joints (n,) from which the arm left [rad]."""
+    q = visit.runner.snapshot().q
     wait_for(lambda: visit.page.get_by_role("button", name="Start", exact=True).is_enabled(), "Start")
     visit.press("Start")
-    wait_for(lambda: state(visit) != "idle", "the start")
+    wait_for(lambda: state(visit) in MOVING_STATES, "the start")
+    return q
 
 
-def converges(visit: Visit) -> None:
-    wait_for(lambda: state(visit) not in MOVING_STATES, "the end of the motion", 60.0)
+def converges(visit: Visit) -> np.ndarray:
+    """Start and wait for the end; returns the joints (n,) from which the arm left [rad].
+
+    A machine that is too busy to show pictures in time stops the arm or loses a tracker. Then do what
+    the page asks for: back to the start, and Start again.
+    """
+    for _ in range(6):
+        left_from = start(visit)
+        wait_for(lambda: state(visit) not in MOVING_STATES, "the end of the motion", 60.0)
+        status = visit.runner.snapshot().status
+        if status.reason not in STARVED:
+            break
+        print(f"not in time ({status.reason}): once more")
+        reset(visit)
     snapshot = visit.runner.snapshot()
     assert snapshot.status.state == "done", snapshot.status
     assert snapshot.error.largest < 0.5
+    return left_from
+
+
+def reset(visit: Visit) -> None:
+    visit.press("Reset")
+    wait_for(lambda: state(visit) == "idle", "the arm back at the start")
 
 
 def rest_after(visit: Visit, act: Callable[[], None]) -> float:
-    """Do `act` and return after how many seconds the arm has stood still for 10 snapshots running."""
-    began = time.monotonic()
-    act()
-    rested_at, still, last = began, 0, visit.runner.snapshot()
-    deadline = began + 20.0
-    while still < 10:
-        if time.monotonic() > deadline:
-            pytest.fail("the arm has not come to rest within 20 s")
-        newer = visit.runner.wait_newer(last.tick, 1.0)
-        if newer is None:
-            continue
-        if np.abs(newer.q - last.q).max() > 1e-5:
-            rested_at, still = time.monotonic(), 0
-        else:
-            still += 1
-        last = newer
-    return rested_at - began
+    """Do `act`; returns after how many seconds the arm stood still, and stayed so for 10 snapshots."""
+    seen: list[tuple[float, np.ndarray]] = []
+    enough = threading.Event()
+
+    def watch() -> None:  # besides the click, which takes a while to return
+        tick = -1
+        while not enough.is_set():
+            newer = visit.runner.wait_newer(tick, 0.5)
+            if newer is not None:
+                tick = newer.tick
+                seen.append((time.monotonic(), newer.q))
+
+    def moved_at(since: float) -> float:
+        """When joints were seen to differ from the picture before, for the last time."""
+        pairs = zip(list(seen), list(seen)[1:], strict=False)
+        return max((t for (_, p), (t, q) in pairs if np.abs(q - p).max() > 1e-5), default=since)
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        wait_for(lambda: len(seen) > 1 and moved_at(0.0) > 0.0, "an arm that moves")
+        began = time.monotonic()
+        act()
+        wait_for(lambda: sum(t > max(moved_at(began), began) for t, _ in list(seen)) >= 10, "an arm at rest")
+    finally:
+        enough.set()
+        watcher.join()
+    return max(moved_at(began) - began, 0.0)
 
 
 def test_a_task_clicked_together_converges_stops_and_survives_a_reload(
@@ -122,17 +157,19 @@ def test_a_task_clicked_together_converges_stops_and_survives_a_reload(
         assert spec.camera == camera and spec.at is not None
         assert np.abs(np.array(spec.at) - uv).max() < 2.0  # half a CSS pixel is 0.75 px here
     assert [k.points for k in scenario.constraint] == [("T1", "G1"), ("T2", "G2")]
-    home = visit.runner.snapshot().q
 
-    start(visit)
-    converges(visit)
+    home = converges(visit)
     assert np.abs(visit.runner.snapshot().q - home).max() > 0.05
-    visit.press("Arm back")
+    reset(visit)
     wait_for(lambda: np.abs(visit.runner.snapshot().q - home).max() < 1e-3, "the arm back at the start")
-    assert state(visit) == "idle" and len(visit.runner.snapshot().scenario.constraint) == 2
+    assert len(visit.runner.snapshot().scenario.constraint) == 2
 
-    start(visit)
-    wait_for(lambda: state(visit) == "servoing", "the arm on its way", 60.0)
+    for _ in range(5):  # as in `converges`
+        start(visit)
+        wait_for(lambda: state(visit) not in ("idle", "learning"), "the arm on its way", 60.0)
+        if state(visit) == "servoing":
+            break
+        reset(visit)
     seconds = rest_after(visit, lambda: visit.press("Stop"))
     record_property("stop_click_to_rest_s", round(seconds, 3))
     print(f"Stop click to arm at rest: {seconds:.3f} s")
@@ -154,7 +191,6 @@ def test_a_task_clicked_together_converges_stops_and_survives_a_reload(
 def test_the_example_button_and_start_are_enough_to_see_it_work(visit: Visit) -> None:
     visit.press("Show me an example")
     wait_for(lambda: len(visit.runner.snapshot().scenario.constraint) == 2, "the example")
-    start(visit)
     converges(visit)
 
 
@@ -169,8 +205,7 @@ def test_a_simulation_that_dies_is_explained_and_restarts_with_the_task(visit: V
     wait_for(lambda: state(visit) == "idle", "the restart", 60.0)
     assert visit.runner.rig_revision > revision and known >= 0
     assert len(visit.runner.snapshot().scenario.constraint) == 2
-    shown = visit.board._snapshot
+    shown = visit.board.snapshot
     assert shown is not None
-    wait_for(lambda: visit.board._snapshot.tick > shown.tick + 5, "new pictures")  # type: ignore[union-attr]
-    start(visit)
+    wait_for(lambda: visit.board.snapshot.tick > shown.tick + 5, "new pictures")  # type: ignore[union-attr]
     converges(visit)

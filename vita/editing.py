@@ -24,8 +24,9 @@ UNDO_DEPTH = 100
 class Editor:
     """Holds the task with its history, and the latest feature of every tracker.
 
-    `origin` is where the arm and the trackers were at the last edit or Start, at rest. That pair
-    is what a saved file holds, so that opening it shows the task as it was drawn, not as it ended.
+    `origin` is where the arm and the trackers were when the last tracker was placed. That pair is
+    what a saved file holds and what a reset goes back to, so that both show the task as it was drawn,
+    not as it ended.
     """
 
     def __init__(self, rig: SimulatedRig, scenario: Scenario, seen: Observation) -> None:
@@ -34,6 +35,8 @@ class Editor:
         self.task = Task()
         self.features: dict[str, Feature] = {}
         self._seed = scenario.seed
+        self._origin_q = seen.q
+        self._origin_uv: dict[Tracker, Array] = {}
         self._past: list[Task] = []
         self._future: list[Task] = []
         self.load(scenario, seen)
@@ -187,21 +190,21 @@ class Editor:
             self.track(seen)
         else:
             self.features = dict(features)
-        self.remember_start(seen)
+        if features is not None or any(slot.tracker not in self._origin_uv for slot in task.slots):
+            self._remember_origin(seen)
 
     # ---- saving --------------------------------------------------------------------------------
 
-    def remember_start(self, seen: Observation) -> None:
-        """Here, with the arm at rest, is what a saved file shows."""
+    def _remember_origin(self, seen: Observation) -> None:
         self._origin_q = frozen(seen.q)
-        self._origin_uv = {name: feature.uv for name, feature in self.features.items()}
+        self._origin_uv = {s.tracker: self.features[s.spec.name].uv for s in self.task.slots}
 
-    def to_save(self, seen: Observation) -> Scenario:
+    def to_save(self) -> Scenario:
         """The scenario that saving now would write."""
         trackers = tuple(
             slot.spec
             if slot.spec.kind == "projected"
-            else replace(slot.spec, at=_rounded(self._origin_uv[slot.spec.name]))
+            else replace(slot.spec, at=_rounded(self._origin_uv[slot.tracker]))
             for slot in self.task.slots
         )
         q0 = tuple(round(float(angle), 6) for angle in np.rad2deg(self._origin_q))

@@ -156,7 +156,6 @@ class Engine:
             raise BadInput(f"lost tracker {names}: drag it onto its feature or delete it, then Start")
         self.controller.joints = within_gate(self.rig.joints)
         self._check_joints()
-        self.editor.remember_start(self.observation)
         self._feeds = FrozenFeeds()
         self.rig.release()
         self.controller.start(relearn=command.relearn)
@@ -207,7 +206,7 @@ class Engine:
     def _reset(self, _: cmd.ResetArm) -> None:
         if self.controller.moving:
             raise NotNow("stop the arm first")
-        self._back_to_start(self.editor.to_save(self.observation))
+        self._back_to_start(self.editor.to_save())
 
     def _load(self, command: cmd.LoadTask) -> None:
         if self.controller.moving:
@@ -268,7 +267,7 @@ class Engine:
     def snapshot(self) -> Snapshot:
         """The state after the last tick."""
         seen, editor, controller = self.observation, self.editor, self.controller
-        scenario = replace(editor.to_save(seen), servo=controller.config, limits=self.limits)
+        scenario = replace(editor.to_save(), servo=controller.config, limits=self.limits)
         return Snapshot(
             tick=self._tick,
             stamp=seen.stamp,

@@ -109,9 +109,11 @@ class LiveRig:
     def _await_frame(self, timeout: float) -> SharedFrame:
         deadline = time.monotonic() + timeout
         shared = self._shared
-        shared.ask()
         while True:
             self._check_alive()
+            # Asked at every look: the child draws only a few pictures per request, and those may be
+            # stale before a thread that was kept waiting gets to see them.
+            shared.ask()
             began = time.perf_counter()
             # After a pause in which nobody looked, the ring still holds pictures from before it.
             if shared.newest > self._last and shared.fresh:

@@ -74,8 +74,8 @@ class Composer:
             return "Tracker", f"Click in a view to place a tracker {what}. Esc when done."
         if kind is None:
             if self.selected:
-                return "Select", f"{self.selected} is selected. Drag it to move it, Delete removes it."
-            return "Select", "Click a marker to select it, drag it to move it. Or pick a constraint above."
+                return "Select", f"{self.selected}: drag it to move it, Delete removes it."
+            return "Select", "Click or drag a marker, or pick a constraint."
         number, total = len(self.picked) + 1, len(kind.roles)
         if number > total:
             return kind.label, "One moment ..."

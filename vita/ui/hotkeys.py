@@ -14,26 +14,28 @@ if TYPE_CHECKING:
 
 
 def add_hotkeys(app: App) -> None:
-    gui, guard, composer = app.server.gui, app.guard, app.composer
+    gui, guard, composer, actions = app.server.gui, app.guard, app.composer, app.actions
 
     def key(label: str, hotkey: Any, do: Callable[[Any], Any], modifier: Any = None, text: str = "") -> None:
         command = gui.add_command(label, hotkey=hotkey, modifier=modifier, description=text or None)
         command.on_trigger(guard(do))
 
     key("Start or stop", "space", lambda event: app.run.toggle())
-    key("Cancel, or stop the arm", "escape", app.escape)
-    key("Undo", "Z", lambda event: app._submit(c.Undo()), "cmd/ctrl")
-    key("Redo", "Y", lambda event: app._submit(c.Redo()), "cmd/ctrl")
-    key("Delete the selected tracker", "delete", app.delete)
-    key("Delete the selected tracker (Backspace)", "backspace", app.delete)
-    key("Fit the views", "F", app.fit)
-    key("Cameras or 3D world", "V", app.switch)
+    key("Cancel, or stop the arm", "escape", actions.escape)
+    key("Undo", "Z", lambda event: actions.submit(c.Undo()), "cmd/ctrl")
+    key("Redo", "Y", lambda event: actions.submit(c.Redo()), "cmd/ctrl")
+    key("Delete the selected tracker", "delete", actions.delete)
+    key("Delete the selected tracker (Backspace)", "backspace", actions.delete)
+    key("Fit the views", "F", actions.fit)
+    key("Cameras or 3D world", "V", actions.switch)
     for number in range(4):
-        key(f"Camera {number + 1} large", str(number + 1), lambda event, n=number: app.fit(event, n))
+        key(f"Camera {number + 1} large", str(number + 1), lambda event, n=number: actions.fit(event, n))
     for letter, kind in zip("PLMB", KINDS, strict=True):
         key(kind.label, letter, lambda event, k=kind.key: composer.arm(k), text=kind.meaning)
     key("Place trackers", "T", lambda event: composer.arm(TRACKER))
     key("Select", "X", lambda event: composer.arm(SELECT))
     for name, du, dv in (("left", -1, 0), ("right", 1, 0), ("up", 0, -1), ("down", 0, 1)):
-        key(f"Nudge {name} by a pixel", f"arrow{name}", lambda event, u=du, v=dv: app.nudge(u, v), "shift")
-    key("Reset the simulated arm", "R", lambda event: app._submit(c.ResetArm()), "shift")
+        key(
+            f"Nudge {name} by a pixel", f"arrow{name}", lambda event, u=du, v=dv: actions.nudge(u, v), "shift"
+        )
+    key("Reset the simulated arm", "R", lambda event: actions.submit(c.ResetArm()), "shift")

@@ -17,6 +17,7 @@ from vita.snapshot import Snapshot
 from vita.types import Feature
 from vita.ui.compose import Composer
 from vita.ui.layout import Cell
+from vita.ui.tags import Tag
 from vita.ui.words import GREEN, INK, RED, TEAL, Rgb, kind_of, pixels
 
 _LINEAR = np.array([round(255 * (i / 255) ** 2.2) for i in range(256)], np.uint8)
@@ -70,15 +71,6 @@ class Strokes:
         points[..., 2] = z
         colors = np.repeat(_LINEAR[np.array(self._colors)], [len(s) for s in self._segments], axis=0)
         return points, np.repeat(colors[:, None], 2, axis=1)
-
-
-@dataclass(frozen=True)
-class Tag:
-    """A label at a pixel of a view."""
-
-    text: str
-    uv: tuple[float, float]
-    anchor: str = "bottom-left"
 
 
 def clip_line(a: np.ndarray, b: np.ndarray, size: tuple[int, int]) -> np.ndarray | None:
@@ -173,7 +165,8 @@ def _constraint(
         spot = np.mean(at, axis=0)
         value = math.sqrt(float(seen @ seen)) if seen.size else float("nan")
     if snapshot.error.labels:
-        drawing.tags.append(Tag(pixels(value), (float(spot[0]), float(spot[1] + 14 * unit)), "top-center"))
+        place = float(spot[0]), float(spot[1])
+        drawing.tags.append(Tag(f"value {spec.name}", pixels(value), place, "value"))
 
 
 def _line(
@@ -208,10 +201,8 @@ def _marker(
         if np.isfinite(corners).all():
             drawing.thin.add(_loop(corners), color)
     text = f"{spec.name} lost" if lost else spec.name
-    # Goals carry their name on the left, so that it stays readable when the tracker has arrived.
-    side, anchor = (-13.0, "center-right") if goal or spec.kind == "fixed" else (11.0, "bottom-left")
-    lift = 0.0 if side < 0 else -9.0
-    drawing.tags.append(Tag(text, (float(at[0] + side * unit), float(at[1] + lift * unit)), anchor))
+    kind = "goal" if goal or spec.kind == "fixed" else "name"
+    drawing.tags.append(Tag(f"name {spec.name}", text, (float(at[0]), float(at[1])), kind))
 
 
 def _pending(
@@ -226,6 +217,4 @@ def _pending(
         drawing.bold.add(at + unit * PENDING_MARK, kind.color)
         if pick.name not in places:
             drawing.bold.add(at + unit * PLUS_MARK, kind.color)
-        drawing.tags.append(
-            Tag(str(index + 1), (float(at[0]), float(at[1] + 17 * unit)), "top-center")
-        )
+        drawing.tags.append(Tag(f"click {index}", str(index + 1), (float(at[0]), float(at[1])), "value"))

@@ -18,7 +18,10 @@ BASE = """
 .vita .grow{flex:1;min-width:0;line-height:1.6;overflow:hidden;text-overflow:ellipsis;white-space:nowrap}
 .vita .dim{color:#667085}
 .vita .ink{color:#18202c}
-#vita-run{min-height:60px}
+#vita-run{min-height:64px;margin-bottom:4px}
+.vita.rates{display:flex;justify-content:space-between;font-size:11.5px;color:#667085;margin-bottom:4px;
+cursor:help}
+.vita.rates b{font-weight:600;color:#475467}
 #vita-run .row{margin-bottom:4px}
 .vita .link{color:#0d766e;border:1px solid #cfe5e2;border-radius:999px;padding:1px 9px;font-weight:600;
 font-size:12px;white-space:nowrap}
@@ -28,15 +31,15 @@ font-size:12px;white-space:nowrap}
 white-space:nowrap}
 .vita .dot{width:10px;height:10px;border-radius:50%;flex:none;display:inline-block}
 .vita .bar{width:4px;align-self:stretch;border-radius:2px;flex:none}
-.vita .card{border:1px solid #e4e7ec;border-radius:8px;padding:8px 10px;background:#fff}
+.vita .card{border:1px solid #e4e7ec;border-radius:8px;padding:5px 10px;background:#fff}
 .vita .prompt{border-left:5px solid #0d766e;background:#f2f8f7}
 .vita .hint{background:#f5f8ff;border-color:#d6e2fb}
 .vita .warn{color:#b54708}
 .vita ol{margin:4px 0 0;padding-left:20px}
-.vita h4{margin:10px 0 4px;font-size:12px;font-weight:650;color:#475467;
+.vita h4{margin:6px 0 3px;font-size:12px;font-weight:650;color:#475467;
 display:flex;justify-content:space-between}
 .vita .list{border:1px solid #e4e7ec;border-radius:8px;overflow:hidden}
-.vita .item{display:flex;align-items:center;gap:8px;padding:4px 8px;border-top:1px solid #f0f2f5}
+.vita .item{display:flex;align-items:center;gap:8px;padding:2px 8px;border-top:1px solid #f0f2f5}
 .vita .item:first-child{border-top:0}
 .vita .item.on{background:#eef6ff}
 .vita label{cursor:pointer}
@@ -46,11 +49,20 @@ display:flex;justify-content:space-between}
 """
 
 HEIGHTS = f"""
-div:has(> [data-dock-leaf] #vita-run){{flex:0 0 174px!important}}
+div:has(> [data-dock-leaf] #vita-run){{flex:0 0 175px!important}}
 div:has(> [data-dock-leaf] span.vita-tabs){{flex-grow:1!important}}
-div:has(> [data-dock-leaf] #vita-plots){{flex:0 0 clamp(203px,25vh,260px)!important}}
-[data-testid="floating-panel-handle"]{{background:url("{LOGO}") no-repeat 44px center/auto 28px}}
+div:has(> [data-dock-leaf] #vita-plots){{flex:0 0 clamp(184px,25vh,260px)!important}}
+[data-dock-region-handle]{{height:10px!important}}
+[data-dock-griphandle]{{height:7px!important}}
+[data-dock-strip][role=tablist] [data-dock-tab]{{height:27px!important}}
+[data-testid="floating-panel-handle"]{{height:34px!important;
+background:url("{LOGO}") no-repeat 44px center/auto 26px}}
+[data-dock-leaf] div:has(> div > span.vita-tabs),[data-dock-leaf] div:has(> div > .vita-run-sheet)
+{{padding-top:6px!important}}
+[data-dock-leaf] .uplot-container{{border:0!important}}
+div:has(> .uplot-container){{margin-top:0!important}}
 """
+"""Sizes of viser's docked panels; without these rules they are merely less economical."""
 
 TABS_MARK = '<span class="vita-tabs"></span>'
 """By this the style sheet knows the panel of the tabs, whichever tab is open."""
@@ -70,7 +82,7 @@ def side_by_side(buttons: Iterable[viser.GuiButtonHandle], columns: int) -> str:
         right = 10 if index % columns == columns - 1 else 3
         rules += (
             f"div:has(> {own(button)}){{display:inline-block;vertical-align:top;width:{share:.3f}%;"
-            f"margin:0!important;padding:0 {right}px 6px {left}px!important;box-sizing:border-box}}"
+            f"margin:0!important;padding:0 {right}px 5px {left}px!important;box-sizing:border-box}}"
         )
     return rules
 
@@ -90,8 +102,8 @@ def tool(button: viser.GuiButtonHandle, color: Rgb, on: bool) -> str:
         else "background:#fff!important;color:#18202c!important;border:1px solid #d0d5dd!important"
     )
     return (
-        f"{own(button)}{{{face};border-left:6px solid {tint}!important;height:34px!important;"
-        f"font-weight:600;padding:0 6px}}"
+        f"{own(button)}{{{face};border-left:5px solid {tint}!important;height:28px!important;"
+        f"font-size:12.5px;font-weight:600;padding:0 4px}}"
         f"{own(button)}:hover{{filter:brightness(.97)}}"
     )
 
@@ -112,7 +124,7 @@ def filled(button: viser.GuiButtonHandle, color: Rgb) -> str:
 def big(button: viser.GuiButtonHandle, color: Rgb) -> str:
     """Start and Stop."""
     return (
-        f"{own(button)}{{height:42px!important;font-size:16px;font-weight:700;"
+        f"{own(button)}{{height:38px!important;font-size:16px;font-weight:700;"
         f"background:{hexed(color)}!important;color:#fff!important}}"
         f"{own(button)}:disabled{{background:#e4e7ec!important;color:#98a2b3!important}}"
     )

@@ -112,7 +112,7 @@ def explain(status: Status, trackers: int, constraints: int, progress: str) -> s
             return "The task is complete. Press Start."
         if trackers:
             return "Trackers alone do not move the arm. Add a constraint, such as Point → Point."
-        return "Pick Point → Point below, then click the tool and its goal in each view."
+        return "Nothing to do yet. Pick a constraint below."
     if status.state == "learning":
         return progress or "The arm makes small moves to learn how the images change."
     if status.state == "servoing":

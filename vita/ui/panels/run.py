@@ -18,12 +18,32 @@ from vita.ui.words import CHIP, GREEN, RED, explain, hexed, pixels, safe
 SPACE_GUARD_S = 0.5
 START_LABELS = {"offline": "Restart", "fault": "Acknowledge", "estop": "Reset"}
 
+RATES_PERIOD_S = 1.0
+RATES_HINT = (
+    "Control: how often the servo reads the cameras and commands the arm. "
+    "Pictures: how often this page shows new ones, which never slows the control. "
+    "Simulation: simulated seconds per second; below 1 the machine cannot keep up."
+)
+
+
+def rates(snapshot: Snapshot, pictures_hz: float) -> str:
+    """The small line that says how fast everything runs."""
+    timing = snapshot.timing
+    return (
+        f'<div class="vita rates num" title="{safe(RATES_HINT)}">'
+        f"<span>control <b>{timing.loop_hz:.0f} Hz</b></span>"
+        f"<span>pictures <b>{pictures_hz:.0f} Hz</b></span>"
+        f"<span>simulation <b>{timing.real_time_factor:.2f}×</b></span></div>"
+    )
+
 
 class RunPanel:
     """Start also restarts a lost simulation and acknowledges a fault; its label says which."""
 
-    def __init__(self, desk: Desk, switch: Callable[[Any], None]) -> None:
-        self._desk = desk
+    def __init__(
+        self, desk: Desk, switch: Callable[[Any], None], pictures_hz: Callable[[], float]
+    ) -> None:
+        self._desk, self._pictures_hz = desk, pictures_hz
         self._stopped_at = -10.0
         gui = desk.gui
         self._sheet = Html(gui)
@@ -32,6 +52,8 @@ class RunPanel:
         self._stop = gui.add_button(
             "Stop", icon=viser.Icon.PLAYER_STOP, color=RED, hint="Stop the arm at once (Space or Esc)"
         )
+        self._rates = Html(gui)
+        self._rates_at = 0.0
         self._switch = gui.add_button("Cameras or 3D world", hint="V")
         self._sheet.show(
             style.sheet(
@@ -90,6 +112,10 @@ class RunPanel:
             f'{error}<label class="link" for="{self._switch._impl.uuid}" title="Cameras or 3D world (V)">'
             f"⇄ 3D</label></div>{safe(reason)}{extra}</div>"
         )
+        now = time.monotonic()
+        if now - self._rates_at >= RATES_PERIOD_S:
+            self._rates_at = now
+            self._rates.show(rates(snapshot, self._pictures_hz()))
         label = START_LABELS.get(state, "Start")
         if self._start.label != label:
             self._start.label = label

@@ -29,8 +29,8 @@ from vita.ui.words import (
 )
 
 HINT = """<div class="vita"><div class="card hint"><b>Make the arm move</b><ol>
-<li>Pick <b>Point → Point</b>.</li>
-<li>Click the tool, then its goal. Do it in each view.</li>
+<li>Pick <b>Point → Point</b> above.</li>
+<li>Click the card on the arm, then the orange ball. In both views.</li>
 <li>Press <b>Start</b>.</li></ol></div></div>"""
 COLORS = {**{kind.key: kind.color for kind in KINDS}, TRACKER: GREEN, SELECT: INK}
 
@@ -72,7 +72,7 @@ class TaskPanel:
             "Clear", icon=viser.Icon.TRASH, hint="Delete the whole task; Undo brings it back."
         )
         self._reset = gui.add_button(
-            "Arm back", icon=viser.Icon.HOME,
+            "Reset", icon=viser.Icon.HOME,
             hint="Put the simulated arm and scene back to the start (Shift+R).",
         )
         self._reset.on_click(guard(lambda event: desk.submit(c.ResetArm())))
@@ -99,7 +99,7 @@ class TaskPanel:
         self._prompt.show(
             HINT if empty and not composer.composing else
             f'<div class="vita"><div class="card prompt" style="border-left-color:{hexed(color)}">'
-            f"<b>{safe(title)}</b><div>{safe(ask)}</div>{note}</div></div>"
+            f"<b>{safe(title)}</b> <span>{safe(ask)}</span>{note}</div></div>"
         )
         shown = kind is not None and "goal" in kind.roles
         if self._goal.visible != shown:
@@ -116,10 +116,10 @@ class TaskPanel:
         self._messages.show(lists.messages(snapshot))
         self._sheet.show(
             style.sheet(
-                style.side_by_side([b for k, b in self._tools.items()], 2),
+                style.side_by_side(list(self._tools.values()), 3),
                 *(style.tool(b, COLORS[k], composer.tool == k) for k, b in self._tools.items()),
                 style.filled(self._show_me, TEAL),
-                style.side_by_side((self._undo, self._redo, self._clear, self._reset), 2),
+                style.side_by_side((self._undo, self._redo, self._clear, self._reset), 4),
                 style.plain((self._undo, self._redo, self._clear, self._reset)),
                 self._tracker_rows.css(), self._constraint_rows.css(),
             )
