@@ -19,8 +19,6 @@ from vita.ui import App
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(240)]
 CROSS = ("tool", (0.0, 0.0, 0.085))
 BALL = ("post", (0.0, 0.0, 0.0))
-STARVED = ("images_late", "tracker_lost")
-"""Reasons for which the arm stops on a machine that has too much else to do."""
 
 
 @pytest.fixture(scope="module")
@@ -94,17 +92,14 @@ def start(visit: Visit) -> np.ndarray:
 def converges(visit: Visit) -> np.ndarray:
     """Start and wait for the end; returns the joints (n,) from which the arm left [rad].
 
-    A machine that is too busy to show pictures in time stops the arm or loses a tracker. Then do what
-    the page asks for: back to the start, and Start again.
+    Once, the test does what the page asks for when a busy machine kept the pictures back for a second.
     """
-    for _ in range(6):
+    left_from = start(visit)
+    wait_for(lambda: state(visit) not in MOVING_STATES, "the end of the motion", 60.0)
+    if visit.runner.snapshot().status.reason == "images_late":
+        reset(visit)
         left_from = start(visit)
         wait_for(lambda: state(visit) not in MOVING_STATES, "the end of the motion", 60.0)
-        status = visit.runner.snapshot().status
-        if status.reason not in STARVED:
-            break
-        print(f"not in time ({status.reason}): once more")
-        reset(visit)
     snapshot = visit.runner.snapshot()
     assert snapshot.status.state == "done", snapshot.status
     assert snapshot.error.largest < 0.5
