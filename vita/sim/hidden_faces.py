@@ -1,0 +1,54 @@
+"""What nobody can see of solids that are stuck into one another: the faces inside of a neighbour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vita.sim.shapes import Solid
+from vita.types import Array
+
+SURELY_INSIDE = 0.9
+"""A winding number is 1 inside, 0 outside and one half on the surface."""
+
+
+def without_hidden(solids: Sequence[Solid]) -> list[Solid]:
+    """The solids without the faces that lie inside another one of them.
+
+    On software OpenGL a hidden triangle costs nearly as much as one that is seen. A face counts as
+    hidden when its corners and its centre are all inside the same solid.
+    """
+    return [
+        Solid(solid.vertices, solid.faces[~_hidden(solid, [s for s in solids if s is not solid])])
+        for solid in solids
+    ]
+
+
+def _hidden(solid: Solid, others: Sequence[Solid]) -> NDArray[np.bool_]:
+    centres = solid.vertices[solid.faces].mean(axis=1)
+    hidden = np.zeros(len(solid.faces), bool)
+    for other in others:
+        corners = inside(solid.vertices, other)[solid.faces].all(axis=1)
+        hidden |= corners & inside(centres, other)
+    return hidden
+
+
+def inside(points: Array, solid: Solid) -> NDArray[np.bool_]:
+    """(k,) whether each of the points (k, 3) is within a closed solid."""
+    low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
+    within = ((points > low) & (points < high)).all(axis=1)
+    within[within] = _winding(points[within], solid) > SURELY_INSIDE
+    return within
+
+
+def _winding(points: Array, solid: Solid) -> Array:
+    """(k,) how often the solid's skin goes around each point: the sum of the triangles' solid angles."""
+    a, b, c = (solid.vertices[solid.faces[:, k]] - points[:, None] for k in range(3))
+    la, lb, lc = (np.linalg.norm(v, axis=2) for v in (a, b, c))
+    volume = np.einsum("pfi,pfi->pf", a, np.cross(b, c))
+    rest = la * lb * lc
+    for u, v, opposite in ((a, b, lc), (b, c, la), (c, a, lb)):
+        rest = rest + np.einsum("pfi,pfi->pf", u, v) * opposite
+    return 2 * np.arctan2(volume, rest).sum(axis=1) / (4 * np.pi)
