@@ -98,7 +98,7 @@ class LiveRig:
         self._check_open()
         try:
             seen = self._await_frame(timeout)
-        except (AttributeError, IndexError):
+        except (AttributeError, IndexError, OSError):
             self._check_open()  # Another thread has closed the rig meanwhile.
             raise
         self._numbers, self._last = seen.numbers, int(seen.numbers["number"])
