@@ -2,8 +2,8 @@
 
     python benchmarks/stop.py [TIMES]
 
-Starts the task `point_to_point` in the app's arrangement (simulation in its own process), stops it at a random
-moment in motion, and takes the time until the measured joints no longer change.
+Starts the task `point_to_point` in the app's arrangement (simulation in its own process), stops it at random
+in motion, and takes the time until the measured joints no longer change.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from vita.errors import BadInput, UnknownName
 from vita.sim.camera import PinholeCamera, look_at, pose_matrix
 from vita.sim.meshes import box_visual, cylinder_visual, sheet_visual, sphere_visual
 from vita.sim.objects import build_object
-from vita.sim.render import make_renderer
+from vita.sim.render import STILL_AFTER, make_renderer
 from vita.sim.render_gl import GlRenderer
 
 LEFT, RIGHT = PinholeCamera("left", (320, 240), 40), PinholeCamera("right", (320, 240), 40)
@@ -81,6 +81,30 @@ def test_a_body_through_the_camera_does_not_break_the_cache(cached, uncached):
     for shift in (0.0, 0.01, 0.02):
         bodies = {**poses(0), "link0": pose_matrix((1.25 - shift, -0.75, 0.6))}
         assert_same(cached, uncached, LEFT, T_LEFT, bodies)
+
+
+def test_copying_a_rectangle_equals_copying_all_of_it(cached, monkeypatch):
+    """The fallback for drivers without the direct copy gives the same pictures."""
+    monkeypatch.setattr("vita.sim.gl_copy._function", lambda name: None)
+    other = GlRenderer(scene())
+    for k in range(6):
+        camera = PinholeCamera("copied", (320, 240), 40)  # One that neither of them has seen before.
+        assert_same(cached, other, camera, T_LEFT, poses(0.2 * k))
+    other.close()
+
+
+def test_a_camera_that_moved_gets_its_best_picture_when_it_has_stood_still(uncached):
+    """While it moves its pictures are coarser but alike: no brighter, and nothing is displaced."""
+    camera = PinholeCamera("moved", (320, 240), 40)
+    best = uncached.render(camera, T_LEFT, poses(0)).astype(float)  # The first picture is a good one.
+    uncached.render(camera, T_RIGHT, poses(0))
+    plain = uncached.render(camera, T_LEFT, poses(0)).astype(float)
+    assert 0 < np.abs(plain - best).mean() < 1.5 and abs(plain.mean() - best.mean()) < 0.1
+    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        assert np.abs(np.roll(plain, (dy, dx), (0, 1)) - best).mean() > 2 * np.abs(plain - best).mean()
+    for _ in range(STILL_AFTER):
+        again = uncached.render(camera, T_LEFT, poses(0))
+    assert np.array_equal(again, best)
 
 
 def test_two_renderers_give_the_same_bits():

@@ -11,10 +11,16 @@ import trimesh
 from vita.assets import asset
 from vita.errors import BadInput, MissingDependency, UnknownName
 from vita.sim import wam
+from vita.sim.camera import PinholeCamera, look_at
 from vita.sim.dh import DHChain
 from vita.sim.hand import hand_visuals
+from vita.sim.hidden_faces import inside
+from vita.sim.render import make_renderer
 from vita.sim.robots import ROBOTS, load_robot
 from vita.sim.shading import shaded
+from vita.sim.shapes import ball, joined
+from vita.sim.urdf_visuals import visual
+from vita.sim.wam_shapes import BODIES, COLORS, link_solids
 from vita.types import Visual
 
 LIMITS = [(-2.6, 2.6), (-2.0, 2.0), (-2.8, 2.8), (-0.9, 3.1), (-4.76, 1.24), (-1.6, 1.6), (-3.0, 3.0)]
@@ -116,13 +122,13 @@ def test_visuals_are_sound_and_belong_to_links(name):
     visuals = model.visuals()
     assert {v.body for v in visuals} == set(model.link_names)
     for v in visuals:
-        assert_sound(v)
-    assert 8_000 < sum(len(v.faces) for v in visuals) < 25_000
+        assert_sound(v, closed=False)  # What is hidden inside of a neighbour has been left out.
+    assert 6_000 < sum(len(v.faces) for v in visuals) < 10_000
     floor = min(v.vertices[:, 2].min() for v in visuals if v.body == "base")
     assert floor == pytest.approx(-wam.SHOULDER_HEIGHT, abs=1e-4)
 
 
-def assert_sound(v: Visual) -> None:
+def assert_sound(v: Visual, closed: bool = True) -> None:
     assert np.isfinite(v.vertices).all() and v.faces.max() < len(v.vertices)
     np.testing.assert_allclose(np.linalg.norm(v.normals, axis=1), 1.0, atol=1e-6)
     a, b, c = (v.vertices[v.faces[:, k]] for k in range(3))
@@ -131,7 +137,13 @@ def assert_sound(v: Visual) -> None:
     for k in range(3):
         assert (np.einsum("ij,ij->i", across, v.normals[v.faces[:, k]]) > 0).all()
     # A closed mesh that looks outwards has a positive volume.
-    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0
+    assert not closed or np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_every_solid_of_the_arm_is_closed_and_looks_outwards(body):
+    for color, solid in BODIES[body]():
+        assert_sound(visual(body, solid, COLORS[color]))
 
 
 def test_the_hand_is_sound_and_sits_on_the_tool_frame():
@@ -281,3 +293,28 @@ def test_robots_need_no_physics_engine():
     code = "import sys, vita.sim.robots as r; r.load_robot('wam4').visuals(); "
     code += "assert 'pybullet' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_inside_tells_a_point_in_a_ball_from_one_outside():
+    points = np.random.default_rng(5).uniform(-0.15, 0.15, (500, 3))
+    distance = np.linalg.norm(points, axis=1)
+    found = inside(points, ball(0.1, 24, 14))
+    assert found[distance < 0.095].all() and not found[distance > 0.1].any()
+
+
+@pytest.mark.parametrize("body", ["link1", "link3", "forearm"])
+def test_faces_that_are_left_out_cannot_be_seen(body):
+    """From all around, the distances to a body with and without its hidden faces are the same."""
+    whole = joined([solid for _, solid in BODIES[body]()])
+    seen = joined(list(link_solids(body).values()))
+    assert len(seen.faces) < 0.85 * len(whole.faces)
+    renderers = [make_renderer([visual(body, solid, (1, 1, 1))], "gl") for solid in (whole, seen)]
+    middle = whole.vertices.mean(axis=0)
+    sides = [(0.7, 0, 0.2), (-0.6, 0.3, -0.2), (0.1, 0.7, 0.1), (0, -0.7, 0), (0.1, 0, 0.8), (0, 0.1, -0.8)]
+    for offset in sides:
+        camera, T = PinholeCamera("c", (320, 240), 50), look_at(middle + offset, middle)
+        first, second = (renderer.depth(camera, T, {body: np.eye(4)}) for renderer in renderers)
+        assert np.isfinite(first).sum() > 1000
+        assert np.isclose(first, second, atol=1e-5).all()
+    for renderer in renderers:
+        renderer.close()

@@ -10,7 +10,7 @@ import numpy as np
 from vita.scenario.schema import CameraSpec, Vector3
 from vita.sim.camera import PinholeCamera, camera_pose, pose_matrix
 from vita.sim.noise import CameraNoise
-from vita.sim.render import Renderer
+from vita.sim.render import STILL_AFTER, Renderer
 from vita.types import Array, Image
 
 
@@ -43,7 +43,7 @@ class CameraView:
         self._noise = None
         if image_noise > 0:
             self._noise = CameraNoise(image_noise, seed, spec.name, width * height * 3)
-        self._drawn: tuple[bytes, Image] | None = None
+        self._drawn: tuple[bytes, Image, int] | None = None
         self._last: Image | None = None
         self.restore()
 
@@ -86,11 +86,12 @@ class CameraView:
         return image
 
     def _draw(self, renderer: Renderer, poses: Mapping[str, Array]) -> Image:
-        """The clean picture. A scene in which nothing moved is not drawn again."""
+        """The clean picture. A scene in which nothing moved is drawn until it looks its best, not longer."""
         T_world_camera = self.pose(poses)
         key = T_world_camera.tobytes() + b"".join(T.tobytes() for T in poses.values())
-        if self._drawn is None or self._drawn[0] != key:
-            self._drawn = key, renderer.render(self.lens, T_world_camera, poses)
+        times = self._drawn[2] if self._drawn is not None and self._drawn[0] == key else 0
+        if self._drawn is None or times <= STILL_AFTER:
+            self._drawn = key, renderer.render(self.lens, T_world_camera, poses), times + 1
         return self._drawn[1]
 
     def _paint(self, image: Image, cover: Cover) -> None:

@@ -18,7 +18,7 @@ def without_hidden(solids: Sequence[Solid]) -> list[Solid]:
     """The solids without the faces that lie inside another one of them.
 
     On software OpenGL a hidden triangle costs nearly as much as one that is seen. A face counts as
-    hidden when its corners and its centre are all inside the same solid.
+    hidden when its corners, its centre and the middles of its edges are all inside the same solid.
     """
     return [
         Solid(solid.vertices, solid.faces[~_hidden(solid, [s for s in solids if s is not solid])])
@@ -27,11 +27,12 @@ def without_hidden(solids: Sequence[Solid]) -> list[Solid]:
 
 
 def _hidden(solid: Solid, others: Sequence[Solid]) -> NDArray[np.bool_]:
-    centres = solid.vertices[solid.faces].mean(axis=1)
+    corners = solid.vertices[solid.faces]
+    between = np.stack([corners.mean(axis=1), *(corners[:, [k, k - 1]].mean(axis=1) for k in range(3))])
     hidden = np.zeros(len(solid.faces), bool)
     for other in others:
-        corners = inside(solid.vertices, other)[solid.faces].all(axis=1)
-        hidden |= corners & inside(centres, other)
+        within = inside(solid.vertices, other)[solid.faces].all(axis=1)
+        hidden |= within & inside(between.reshape(-1, 3), other).reshape(4, -1).all(axis=0)
     return hidden
 
 

@@ -21,6 +21,9 @@ from vita.types import Array, Image, Visual
 BACKENDS = ("auto", "gl", "tiny")
 NEAR_M, FAR_M = 0.02, 30.0
 """Nothing nearer or farther than this is drawn [m]."""
+STILL_AFTER = 3
+"""A camera that moved gets plain pictures until it has stood still for this many, so that one which
+moves by fits and starts does not pay for the better ones each time."""
 
 
 class Renderer(Protocol):

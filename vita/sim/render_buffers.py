@@ -18,7 +18,7 @@ class Part:
         self,
         ctx: moderngl.Context,
         group: Sequence[Visual],
-        programs: tuple[moderngl.Program, moderngl.Program, moderngl.Program],
+        programs: Sequence[moderngl.Program],
     ) -> None:
         """`programs` are those for plain and printed surfaces and the one for distances."""
         plain, printed, metric = programs
@@ -55,15 +55,14 @@ class View:
     """The framebuffers and the cached background of one camera."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], scale: int) -> None:
-        def target() -> moderngl.Framebuffer:
+        def target(scale: int) -> moderngl.Framebuffer:
             drawn = (scale * size[0], scale * size[1])
-            color = ctx.texture(drawn, 4)
-            color.repeat_x = color.repeat_y = False
-            return ctx.framebuffer([color], ctx.depth_renderbuffer(drawn))
+            return ctx.framebuffer([ctx.renderbuffer(drawn, 4)], ctx.depth_renderbuffer(drawn))
 
         self.size = size
-        self.live, self.background = target(), target()
-        self.small = ctx.framebuffer([ctx.renderbuffer(size, 4)]) if scale > 1 else None
+        self.live, self.background = target(scale), target(scale)
+        self.quick = self.live if scale == 1 else target(1)
+        """For pictures with one sample a pixel."""
         self._ranges: moderngl.Framebuffer | None = None
         self.still = StillBodies()
         self.picture = np.zeros((size[1], size[0], 3), np.uint8)
@@ -76,7 +75,7 @@ class View:
         return self._ranges
 
     def release(self) -> None:
-        for target in (self.live, self.background, self.small, self._ranges):
+        for target in {self.live, self.background, self.quick, self._ranges}:
             if target is not None:
                 for part in (*target.color_attachments, target.depth_attachment):
                     if part is not None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from vita.sim.render import STILL_AFTER
 from vita.types import Array
 
 
@@ -33,7 +34,9 @@ class StillBodies:
         if same and self._view is not None and np.array_equal(self._view[1], T_world_camera):
             self._view_age += 1
         else:
-            self._view, self._view_age, self._valid = view, 0, False
+            # The first picture counts as one of a camera that stands still.
+            self._view_age = 0 if self._view is not None else STILL_AFTER
+            self._view, self._valid = view, False
         for body, T in poses.items():
             last = self._poses.get(body)
             if last is None:
@@ -46,6 +49,11 @@ class StillBodies:
                     self._valid = False
 
     @property
+    def camera_moved(self) -> bool:
+        """Whether this or one of the last pictures was seen from elsewhere than the one before it."""
+        return self._view_age < STILL_AFTER
+
+    @property
     def stale(self) -> bool:
         """Whether the background must be drawn anew before this picture."""
         return not self._valid or any(
@@ -53,11 +61,6 @@ class StillBodies:
         )
 
     def renew(self) -> None:
-        """Declare the background as of now: what stands still, or all while the camera moves itself.
-
-        While the camera moves nothing can be kept for the next picture, so that splitting it in two
-        would only cost time.
-        """
-        moving = self._view_age == 0
-        self.bodies = frozenset(body for body, age in self._age.items() if moving or age > 0)
+        """Declare the background as of now: all that stands still."""
+        self.bodies = frozenset(body for body, age in self._age.items() if age > 0)
         self._valid = True

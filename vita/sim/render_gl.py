@@ -3,24 +3,29 @@
 Most of a servoing scene stands still, and on software OpenGL every pixel costs. So each camera keeps
 the samples (colour and depth) of everything that stands still, and a frame copies them and draws only
 what moves, inside the rectangle that the moving bodies cover. Copying samples loses nothing: the
-picture equals a full drawing to the bit.
+picture equals a full drawing to the bit. A camera that moves itself has nothing to copy; it gets one
+sample a pixel instead of four until it stands still.
 """
 
 from __future__ import annotations
 
+import os
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import cast
 
+import cv2
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from vita.errors import BadInput
 from vita.sim.camera import PinholeCamera
+from vita.sim.gl_copy import Box, rectangle_copy
 from vita.sim.render import FAR_M, NEAR_M, body_poses
 from vita.sim.render_buffers import Part, View, same_texture
-from vita.sim.shaders import BACKDROP, METRIC, PLAIN, PRINTED, SHRINK
+from vita.sim.shaders import BACKDROP, METRIC, PLAIN, PRINTED
 from vita.types import Array, Image, Visual
 
 MOST_VIEWS = 16
@@ -37,17 +42,17 @@ class GlRenderer:
     def __init__(self, visuals: Sequence[Visual], samples: int = 4, cache: bool = True) -> None:
         """`cache=False` draws everything anew each time (for tests and benchmarks)."""
         self._thread = threading.get_ident()
-        self._ctx = moderngl.create_context(standalone=True, backend="egl")  # pyright: ignore[reportArgumentType]
+        with _one_core():
+            self._ctx = moderngl.create_context(standalone=True, backend="egl")  # pyright: ignore[reportArgumentType]
         with self._ctx:
             # Drawing at twice the size costs less than multisampling here, as Mesa's software driver is
             # slow at small multisampled triangles, and it smooths what is printed on things as well.
             self._scale = 2 if samples else 1
-            self._plain, self._metric = self._ctx.program(*PLAIN), self._ctx.program(*METRIC)
-            programs = (self._plain, self._ctx.program(*PRINTED), self._metric)
+            programs = [self._ctx.program(*source) for source in (PLAIN, PRINTED, METRIC)]
+            self._plain, self._printed, self._metric = programs
             self._backdrop = self._ctx.program(*BACKDROP)
             self._backdrop_array = self._ctx.vertex_array(self._backdrop, [])
-            self._shrink = self._ctx.program(*SHRINK)
-            self._shrink_array = self._ctx.vertex_array(self._shrink, [])
+            self._copy = rectangle_copy(self._ctx)
             self._parts = [Part(self._ctx, group, programs) for group in same_texture(visuals)]
             # The surroundings come last: what they would draw behind the others is then left out early.
             self._parts.sort(key=lambda part: part.body == "world")
@@ -62,26 +67,32 @@ class GlRenderer:
         whole = (0, 0, *camera.size)
         with self._ctx:
             view = self._view(camera)
-            if not self._cache:
-                self._draw_all(view.live, camera, T, placed, self._bodies)
-                return _frozen(self._read(view, view.live, whole))
             view.still.see(camera.fov_deg, T, placed)
+            if view.still.camera_moved:
+                # Nothing can be kept from such a picture, so that it must be cheap to draw: one sample a
+                # pixel, until the camera stands still again.
+                self._draw_all(view.quick, 1, camera, T, placed, self._bodies)
+                return _frozen(self._read(view.quick, 1, whole))
+            if not self._cache:
+                self._draw_all(view.live, self._scale, camera, T, placed, self._bodies)
+                return _frozen(self._read(view.live, self._scale, whole))
             if view.still.stale:
                 view.still.renew()
-                self._draw_all(view.background, camera, T, placed, view.still.bodies)
-                view.picture = _frozen(self._read(view, view.background, whole))
+                self._draw_all(view.background, self._scale, camera, T, placed, view.still.bodies)
+                view.picture = _frozen(self._read(view.background, self._scale, whole))
             moving = [body for body in self._bodies if body not in view.still.bodies]
             box = self._box(camera, T, placed, moving) if moving else None
             if box is None:
                 return view.picture
-            # The scissor limits the copy, too. What lies outside the box is stale and is never read.
-            _use(view.live, [self._scale * edge for edge in box])
-            self._ctx.copy_framebuffer(view.live, view.background)
+            x, y, width, height = (self._scale * edge for edge in box)
+            # What lies outside the box is stale and is never read.
+            self._copy(view.background, view.live, (x, y, width, height))
+            _use(view.live, (x, y, width, height))
             self._draw_bodies(camera, T, placed, moving)
             _use(view.live, None)
             picture = view.picture.copy()
             x, y, width, height = box
-            picture[y : y + height, x : x + width] = self._read(view, view.live, box)
+            picture[y : y + height, x : x + width] = self._read(view.live, self._scale, box)
             return _frozen(picture)
 
     def depth(
@@ -118,8 +129,9 @@ class GlRenderer:
             self._views[key] = View(self._ctx, camera.size, self._scale)
         return self._views[key]
 
-    def _draw_all(self, target, camera: PinholeCamera, T: Array, placed: Mapping[str, Array], bodies) -> None:
+    def _draw_all(self, target, scale: int, camera: PinholeCamera, T: Array, placed, bodies) -> None:
         """Draw `bodies` and, where they leave it free, the backdrop into `target` from scratch."""
+        _put(self._printed, "sharpen", np.array(-0.5 if scale == 1 else 0.0))
         target.use()
         target.clear(depth=1.0)
         self._draw_bodies(camera, T, placed, bodies)
@@ -156,36 +168,48 @@ class GlRenderer:
                     _put(program, "eye", T[:3, 3])
             part.draw(metric)
 
-    def _read(self, view: View, source: moderngl.Framebuffer, box: tuple[int, int, int, int]) -> Image:
-        """The part of the picture in `box` (x, y, width, height), shrunk to the picture's size."""
+    def _read(self, source: moderngl.Framebuffer, scale: int, box: Box) -> Image:
+        """The part of the picture in `box`, shrunk from a drawing `scale` times its size."""
         x, y, width, height = box
-        if view.small is not None:
-            _use(view.small, box)
-            self._ctx.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-            cast(moderngl.Texture, source.color_attachments[0]).use(0)
-            _put(self._shrink, "step", np.array([1.0 / n for n in view.size]))
-            self._shrink_array.render(moderngl.TRIANGLES, vertices=3)
-            source = view.small
+        drawn = np.empty((scale * height, scale * width, 4), np.uint8)
         # Four components: three make the driver convert every pixel, which costs more than all else.
-        raw = source.read(viewport=box, components=4)
-        return np.ascontiguousarray(np.frombuffer(raw, np.uint8).reshape(height, width, 4)[:, :, :3])
+        place = (scale * x, scale * y, scale * width, scale * height)
+        source.read_into(drawn, viewport=place, components=4)
+        if scale > 1:  # Each pixel is the mean of 2 x 2 drawn ones.
+            drawn = cv2.resize(drawn, (width, height), interpolation=cv2.INTER_AREA)
+        return np.asarray(cv2.cvtColor(drawn, cv2.COLOR_RGBA2RGB), np.uint8)
 
-    def _box(self, camera: PinholeCamera, T: Array, placed, bodies) -> tuple[int, int, int, int] | None:
-        """(x, y, width, height) of the pixels that `bodies` can touch; None when there are none."""
-        width, height = camera.size
-        low, high = np.full(2, np.inf), np.full(2, -np.inf)
-        for body in bodies:
-            pose = placed[body]
-            points = self._corners[body] @ pose[:3, :3].T + pose[:3, 3]
-            if ((points - T[:3, 3]) @ T[:3, 2]).min() < NEAR_M:
-                return (0, 0, width, height)
-            uv = camera.project(T, points)
-            low, high = np.minimum(low, uv.min(axis=0)), np.maximum(high, uv.max(axis=0))
-        x0, y0 = (max(0, int(np.floor(min(v, 1e6))) - MARGIN_PX) for v in low)
-        x1, y1 = (
-            min(n, int(np.ceil(max(v, -1e6))) + MARGIN_PX + 1) for v, n in zip(high, camera.size, strict=True)
-        )
+    def _box(self, camera: PinholeCamera, T: Array, placed: Mapping[str, Array], bodies) -> Box | None:
+        """The pixels that `bodies` can touch; None when there are none."""
+        poses = np.array([placed[body] for body in bodies])
+        corners = np.array([self._corners[body] for body in bodies])
+        points = (corners @ poses[:, :3, :3].transpose(0, 2, 1) + poses[:, None, :3, 3]).reshape(-1, 3)
+        if ((points - T[:3, 3]) @ T[:3, 2]).min() < NEAR_M:
+            return (0, 0, *camera.size)
+        uv = np.clip(camera.project(T, points), -1e6, 1e6)
+        x0, y0 = np.maximum(np.floor(uv.min(axis=0)).astype(int) - MARGIN_PX, 0).tolist()
+        x1, y1 = np.minimum(np.ceil(uv.max(axis=0)).astype(int) + MARGIN_PX + 1, camera.size).tolist()
         return (x0, y0, x1 - x0, y1 - y0) if x1 > x0 and y1 > y0 else None
+
+
+@contextmanager
+def _one_core() -> Iterator[None]:
+    """Keep Mesa's software driver from starting threads of its own, unless the user has set how many.
+
+    It waits for all of them at the end of each picture. On an idle machine they save little, on a busy
+    one they make the slowest pictures take twice as long, and the other cores are for the trackers.
+    """
+    name = "LP_NUM_THREADS"
+    chosen = os.environ.get(name)
+    os.environ[name] = chosen or "0"
+    try:
+        yield
+    finally:
+        # The driver has read it by now, and other programs may be started from this one.
+        if chosen is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = chosen
 
 
 def _inverse(T: Array) -> Array:

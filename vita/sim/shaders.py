@@ -58,10 +58,11 @@ void main() {
     """
 #version 330
 uniform sampler2D picture;
+uniform float sharpen;
 in vec3 shade;
 in vec2 texel;
 out vec4 pixel;
-void main() { pixel = vec4(shade * texture(picture, texel).rgb, 1.0); }
+void main() { pixel = vec4(shade * texture(picture, texel, sharpen).rgb, 1.0); }
 """,
 )
 
@@ -106,20 +107,5 @@ void main() {
     vec3 wall = mix(vec3(0.80, 0.81, 0.82), vec3(0.62, 0.69, 0.77), smoothstep(-0.1, 0.8, up));
     pixel = vec4(mix(vec3(0.56, 0.55, 0.54), wall, smoothstep(-0.35, 0.0, up)), 1.0);
 }
-""",
-)
-
-# Each pixel of the picture is the mean of 2 x 2 drawn ones: the linear filter at their common corner.
-SHRINK = (
-    """
-#version 330
-void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0); }
-""",
-    """
-#version 330
-uniform sampler2D drawn;
-uniform vec2 step;
-out vec4 pixel;
-void main() { pixel = texture(drawn, gl_FragCoord.xy * step); }
 """,
 )

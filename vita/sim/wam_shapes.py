@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from vita.sim.hidden_faces import without_hidden
 from vita.sim.shapes import (
     Solid,
     ball,
@@ -208,5 +209,9 @@ def body_solids(body: str) -> dict[str, list[Solid]]:
 
 
 def link_solids(body: str) -> dict[str, Solid]:
-    """Colour to one solid: what goes into one mesh file."""
-    return {color: joined(solids) for color, solids in body_solids(body).items()}
+    """Colour to what is seen of the solids of a body: what goes into one mesh file."""
+    parts = BODIES[body]()
+    seen: dict[str, list[Solid]] = {}
+    for (color, _), solid in zip(parts, without_hidden([solid for _, solid in parts]), strict=True):
+        seen.setdefault(color, []).append(solid)
+    return {color: joined(solids) for color, solids in seen.items()}
