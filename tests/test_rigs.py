@@ -273,12 +273,13 @@ def test_cover_paints_a_grey_square(rig):
 
 
 def test_cover_outside_the_picture_is_harmless(rig):
-    rig.observe()
+    clear = rig.observe().frames["left"].astype(int)
     for at in ((-500.0, 10.0), (1e5, 1e5), (0.0, 0.0)):
         rig.perform("cover", camera="left", at=at, size_px=30)
-    rig.observe()
+    covered = rig.observe().frames["left"].astype(int)
+    assert np.abs(covered - clear)[20:, 20:].max() < 20, "only the corner at (0, 0) may be covered"
     rig.perform("uncover", camera="left")
-    rig.observe()
+    assert np.abs(rig.observe().frames["left"].astype(int) - clear).max() < 20
 
 
 def test_black_camera(rig):
@@ -381,3 +382,5 @@ def test_close_is_idempotent():
     rig = LockstepRig(SCENARIO)
     rig.close()
     rig.close()
+    with pytest.raises(VitaError, match="closed"):
+        rig.observe()

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from vita.errors import RigOffline
 from vita.scenario.schema import Scenario
 from vita.sim.truth import GroundTruth
 from vita.sim.world import World
@@ -26,6 +27,7 @@ class LockstepRig:
         self._truth = GroundTruth(scenario.camera)
         self._truth.update(self._world.poses())
         self._number = -1
+        self._closed = False
         self.cameras: tuple[str, ...] = tuple(spec.name for spec in scenario.camera)
 
     @property
@@ -39,7 +41,9 @@ class LockstepRig:
         return self._world.model.joints
 
     def observe(self) -> Observation:
-        """The scene one frame period later."""
+        """The scene one frame period later. Raises `RigOffline` once the rig is closed."""
+        if self._closed:
+            raise RigOffline("the simulation is closed")
         world = self._world
         if self._number >= 0:
             world.advance()
@@ -99,6 +103,7 @@ class LockstepRig:
 
     def close(self) -> None:
         """Free the simulation; harmless when done twice."""
+        self._closed = True
         self._world.close()
 
     def __enter__(self) -> LockstepRig:
