@@ -70,10 +70,12 @@ def trackers(draw: Any, name: str, views: list[CameraSpec], bodies: tuple[str, .
             | st.builds(NoiseSpec, st.just("gaussian"), number(0.0, 100.0))
         )
         return TrackerSpec(name, camera.name, kind, attach=attach, noise=noise, size_px=size)
+    other = AttachSpec(draw(st.sampled_from(bodies)), draw(POINT)) if kind == "line" else None
     if draw(st.booleans()):
-        return TrackerSpec(name, camera.name, kind, attach=attach, size_px=size)
-    at = draw(st.tuples(number(0.0, camera.size[0] - 1), number(0.0, camera.size[1] - 1)))
-    return TrackerSpec(name, camera.name, kind, at=at, size_px=size)
+        return TrackerSpec(name, camera.name, kind, attach=attach, attach_to=other, size_px=size)
+    pixel = st.tuples(number(0.0, camera.size[0] - 1), number(0.0, camera.size[1] - 1))
+    at, to = draw(pixel), draw(pixel) if kind == "line" else None
+    return TrackerSpec(name, camera.name, kind, at=at, to=to, size_px=size)
 
 
 @st.composite
@@ -127,11 +129,13 @@ def scenarios(draw: Any) -> Scenario:
     marks = [draw(trackers(name, views, bodies)) for name in (unique(draw, NAMES, 8) if views else [])]
     constraints = []
     for name in unique(draw, NAMES, 4):
-        kind, arity = draw(st.sampled_from(sorted(names.constraint_arities().items())))
+        kind = draw(st.sampled_from(sorted(names.constraint_kinds())))
         camera = draw(st.sampled_from(views)).name if views else ""
-        here = [mark.name for mark in marks if mark.camera == camera]
-        if len(here) >= arity:
-            points = tuple(draw(st.permutations(here))[:arity])
+        here = draw(st.permutations([mark for mark in marks if mark.camera == camera]))
+        widths = [2 if mark.kind == "line" else 1 for mark in here]
+        count = next((n for n in range(1, 5) if names.constraint_fits(kind, widths[:n])), None)
+        if count is not None:
+            points = tuple(mark.name for mark in here[:count])
             constraints.append(ConstraintSpec(name, kind, points, draw(number(1e-9, 1e3))))
     q0 = tuple(draw(number(math.degrees(j.lower), math.degrees(j.upper))) for j in robot.joints)
     scenario = Scenario(

@@ -181,28 +181,6 @@ def test_a_wholly_plain_picture_offers_nothing():
     assert getattr(refusal.value, "suggestion", "missing") is None
 
 
-@pytest.mark.parametrize("place", ([40.0, 100.0], [400.0, 10.0], [np.nan, 1.0]))
-def test_a_refused_move_keeps_the_old_target(place):
-    frame = half_plain()
-    tracker = make_tracker("auto", frame, [250.0, 120.0])
-    before = tracker.update(frame)
-    with pytest.raises(BadInput):
-        tracker.move_to(frame, place)
-    after = tracker.update(frame)
-    assert after.ok and np.abs(after.uv - before.uv).max() < 0.01
-
-
-def test_move_to_follows_the_new_place():
-    frames = list(Sequence(circle(3.0), frames=12, seed=1))
-    truth = Sequence(circle(3.0), frames=12, seed=1)
-    tracker = make_tracker("auto", frames[0], CLICK)
-    for k, frame in enumerate(frames):
-        if k == 5:
-            tracker.move_to(frame, truth.truth(CLICK + 9.4, 5))
-        uv = tracker.update(frame).uv
-    assert np.hypot(*(uv - truth.truth(CLICK + 9.4, 11))) < 0.2
-
-
 @pytest.mark.parametrize("kind", TRACKER_KINDS)
 @pytest.mark.parametrize("place", ([-3.0, 10.0], [320.0, 10.0], [10.0, 239.6], [np.nan, 5.0], [1.0], "here"))
 def test_a_click_outside_the_frame_is_refused(kind, place):

@@ -25,15 +25,6 @@ def test_fixed_never_moves():
         assert feature.uv.tolist() == [10.25, 20.5]
 
 
-def test_fixed_moves_only_when_it_is_dragged_and_only_inside():
-    tracker = make_tracker("fixed", FRAME, [10.0, 20.0])
-    tracker.move_to(FRAME, np.array([30.5, 40.5]))
-    assert tracker.update(FRAME).uv.tolist() == [30.5, 40.5]
-    with pytest.raises(BadInput):
-        tracker.move_to(FRAME, np.array([900.0, 40.5]))
-    assert tracker.update(FRAME).uv.tolist() == [30.5, 40.5]
-
-
 def test_perfect_is_the_truth():
     assert (readings("perfect", count=3) == [100.25, 200.75]).all()
 
@@ -80,5 +71,3 @@ def test_wrong_settings_are_refused():
         ProjectedTracker(lambda: np.zeros(2), NoiseSpec("gauss"), 0, SIZE)
     with pytest.raises(BadInput):
         ProjectedTracker(lambda: np.zeros(2), NoiseSpec("gaussian", -1.0), 0, SIZE)
-    with pytest.raises(BadInput):
-        ProjectedTracker(lambda: np.zeros(2), NoiseSpec(), 0, SIZE).move_to(FRAME, np.array([1.0, 1.0]))

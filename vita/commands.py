@@ -39,12 +39,17 @@ class AddTracker:
     kind: str = "auto"
     name: str | None = None
     """None picks the next free name."""
+    to: tuple[float, float] | None = None
+    """The other end of a line."""
 
 
 @dataclass(frozen=True)
 class MoveTracker:
+    """Place a tracker afresh at `uv`; a line keeps its direction and length unless `to` is given."""
+
     name: str
     uv: tuple[float, float]
+    to: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from vita import commands as cmd
 from vita.constraints import constraint_of
 from vita.errors import BadInput, UnknownName, Untrackable
 from vita.rig import SimulatedRig
-from vita.scenario.schema import ConstraintSpec, NoiseSpec, Scenario, TrackerSpec
+from vita.scenario.schema import AttachSpec, ConstraintSpec, NoiseSpec, Scenario, TrackerSpec
 from vita.task import Slot, Task, free_name
 from vita.types import Array, Feature, Observation, frozen
 from vita.vision import ProjectedTracker, make_tracker, tracker_seed
@@ -94,13 +94,18 @@ class Editor:
         tracker gets."""
         if spec.attach is None or spec.kind == "projected":
             return spec
-        u, v = self._rig.project(spec.camera, spec.attach.body, spec.attach.point)
+        at = self._projected(spec, spec.attach)
+        to = spec.to if spec.attach_to is None else self._projected(spec, spec.attach_to)
+        return replace(spec, at=at, to=to, attach=None, attach_to=None)
+
+    def _projected(self, spec: TrackerSpec, attach: AttachSpec) -> tuple[float, float]:
+        u, v = self._rig.project(spec.camera, attach.body, attach.point)
         if not (np.isfinite(u) and np.isfinite(v)):
             raise BadInput(
-                f"the attached point of {spec.attach.body!r} is behind camera {spec.camera!r}",
+                f"the attached point of {attach.body!r} is behind camera {spec.camera!r}",
                 f"tracker {spec.name!r}",
             )
-        return replace(spec, at=(float(u), float(v)), attach=None)
+        return float(u), float(v)
 
     def _make(self, spec: TrackerSpec, seen: Observation) -> Tracker:
         if spec.camera not in seen.frames:
@@ -115,7 +120,7 @@ class Editor:
             return ProjectedTracker(where, spec.noise or NoiseSpec(), size=size, seed=seed)
         assert spec.at is not None  # The file's validation and `_located` see to it.
         try:
-            return make_tracker(spec.kind, frame, spec.at, size_px=spec.size_px, seed=seed)
+            return make_tracker(spec.kind, frame, spec.at, to=spec.to, size_px=spec.size_px, seed=seed)
         except Untrackable as failure:
             where = f"tracker {spec.name!r} in the {spec.camera} view"
             raise Untrackable(str(failure), where, failure.suggestion) from None
@@ -156,7 +161,8 @@ class Editor:
         uv = _pixel(command.uv)
         prefix = "G" if command.kind == "fixed" else "T"
         name = command.name or free_name(prefix, self.task.names)
-        spec = TrackerSpec(name, command.camera, command.kind, uv)
+        to = None if command.to is None else _pixel(command.to)
+        spec = TrackerSpec(name, command.camera, command.kind, uv, to)
         if spec.kind == "projected":
             raise BadInput("projected trackers come from scenario files; choose `auto` or `fixed`")
         return Slot(spec, self._make(spec, seen))
@@ -166,7 +172,13 @@ class Editor:
         spec = self.task.slot(command.name).spec
         if spec.kind == "projected":
             raise BadInput(f"{command.name!r} is a projected tracker; it cannot be moved by hand")
-        spec = replace(spec, at=_pixel(command.uv))
+        at, to = _pixel(command.uv), None if command.to is None else _pixel(command.to)
+        segment = self.features[command.name].segment
+        if segment is not None and to is None:
+            # A line dragged by its middle keeps its direction and length.
+            (u0, v0), (u1, v1) = segment - segment.mean(axis=0) + at
+            at, to = (float(u0), float(v0)), (float(u1), float(v1))
+        spec = replace(spec, at=at, to=to)
         return Slot(spec, self._make(spec, seen))
 
     def _commit(self, task: Task, seen: Observation) -> None:
@@ -197,14 +209,14 @@ class Editor:
 
     def _remember_origin(self, seen: Observation) -> None:
         self._origin_q = frozen(seen.q)
-        self._origin_uv = {s.tracker: self.features[s.spec.name].uv for s in self.task.slots}
+        self._origin_uv = {s.tracker: self.features[s.spec.name].points for s in self.task.slots}
 
     def to_save(self) -> Scenario:
         """The scenario that saving now would write."""
         trackers = tuple(
             slot.spec
             if slot.spec.kind == "projected"
-            else replace(slot.spec, at=_rounded(self._origin_uv[slot.tracker]))
+            else _at(slot.spec, self._origin_uv[slot.tracker])
             for slot in self.task.slots
         )
         q0 = tuple(round(float(angle), 6) for angle in np.rad2deg(self._origin_q))
@@ -224,6 +236,12 @@ def _pixel(uv: object) -> tuple[float, float]:
     if not (np.isfinite(u) and np.isfinite(v)):
         raise BadInput(f"a pixel needs finite numbers, got {uv!r}")
     return u, v
+
+
+def _at(spec: TrackerSpec, points: Array) -> TrackerSpec:
+    """`spec` placed at the (1, 2) or (2, 2) `points` of its feature."""
+    to = _rounded(points[1]) if len(points) == 2 else None
+    return replace(spec, at=_rounded(points[0]), to=to)
 
 
 def _rounded(uv: Array) -> tuple[float, float]:

@@ -98,18 +98,18 @@ class Task:
             raise BadInput(f"a task holds at most {MAX_ITEMS} constraints; delete one first")
         _check_name(spec.name, (c.name for c in self.constraints), "constraint")
         constraint = constraint_of(spec.kind)
-        if len(spec.points) != constraint.arity:
-            raise BadInput(
-                f"{constraint.title} takes {constraint.arity} points ({', '.join(constraint.roles)}), "
-                f"got {len(spec.points)}"
-            )
         cameras = {self.slot(p).spec.camera for p in spec.points}
+        if not constraint.fits([features[p].points.shape[0] for p in spec.points]):
+            raise BadInput(
+                f"{constraint.title} takes {constraint.arity} points ({', '.join(constraint.roles)}), where "
+                f"a line tracker stands for both ends of a line; got {len(spec.points)} trackers"
+            )
         if len(cameras) > 1:
             raise BadInput(f"the points of one constraint must be in one view, got {sorted(cameras)}")
         if len(set(spec.points)) != len(spec.points):
             raise BadInput(f"{constraint.title}: a point is used twice in {list(spec.points)}")
         check_weight(spec.weight)
-        constraint.check(np.array([features[p].uv for p in spec.points]))
+        constraint.check(np.concatenate([features[p].points for p in spec.points]))
         return replace(self, constraints=(*self.constraints, spec))
 
     def without_constraint(self, name: str) -> Task:

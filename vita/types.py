@@ -63,12 +63,21 @@ class Feature:
     """How well the tracker recognises its target, 0 (not at all) to 1."""
     corners: Array | None = None
     """(4, 2) outline of the tracked region, top-left first and clockwise [px]; None without one."""
+    outline: Array | None = None
+    """(k, 2) closed outline of a region that is no quadrangle, such as an ellipse [px]."""
+    segment: Array | None = None
+    """(2, 2) ends of a tracked line [px], of which `uv` is the middle; None for a point."""
     detail: str = ""
     """A few words for people: why it is lost, or which method `auto` uses."""
 
     @property
     def ok(self) -> bool:
         return self.status == "ok"
+
+    @property
+    def points(self) -> Array:
+        """(1, 2) or, for a line, (2, 2): the points that it gives to a constraint [px]."""
+        return self.uv[None] if self.segment is None else self.segment
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ camera, into signed residual rows:
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -55,6 +56,16 @@ class Constraint(ABC):
     def lines(self) -> tuple[tuple[int, int], ...]:
         """Pairs of point indices that form a line."""
         return ()
+
+    def fits(self, widths: Sequence[int]) -> bool:
+        """Whether trackers that give `widths` points each (1, or 2 for a tracked line), in this order,
+        fill the roles: a tracked line must stand where the two ends of one line are asked for."""
+        place = 0
+        for width in widths:
+            if width == 2 and (place, place + 1) not in self.lines():
+                return False
+            place += width
+        return place == self.arity
 
     def check(self, points: Array) -> None:
         """Raise `BadInput` when visible `points`, (arity, 2) [px], cannot carry the constraint."""

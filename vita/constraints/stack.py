@@ -32,13 +32,13 @@ def stack(terms: Sequence[Term], features: Mapping[str, Feature]) -> ErrorVector
     values, labels, weights = [], [], []
     for term in terms:
         constraint = constraint_of(term.kind)
-        points = np.array([_pixel(features[name]) for name in term.points])
+        points = np.concatenate([_pixels(features[name]) for name in term.points])
         values.append(constraint.residual(points))
         labels += [RowLabel(term.name, term.camera, part) for part in constraint.components]
         weights += [term.weight] * len(constraint.components)
     return ErrorVector(frozen(np.concatenate(values)), tuple(labels), frozen(weights))
 
 
-def _pixel(feature: Feature) -> np.ndarray:
+def _pixels(feature: Feature) -> np.ndarray:
     """A lost tracker still remembers a pixel for drawing; it must not steer the arm."""
-    return feature.uv if feature.ok else np.full(2, np.nan)
+    return feature.points if feature.ok else np.full_like(feature.points, np.nan)

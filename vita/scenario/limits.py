@@ -94,9 +94,12 @@ def _trackers(scenario: Scenario) -> None:
         path = f"tracker[{i}]"
         _name(tracker.name, f"{path}.name")
         _between(tracker.at, _PIXELS, f"{path}.at")
+        _between(tracker.to, _PIXELS, f"{path}.to")
         _between(tracker.size_px, _SIZE_PX, f"{path}.size_px")
         if tracker.attach is not None:
             _between(tracker.attach.point, _METRES, f"{path}.attach.point")
+        if tracker.attach_to is not None:
+            _between(tracker.attach_to.point, _METRES, f"{path}.attach_to.point")
         if tracker.noise is not None:
             _between(tracker.noise.sigma_px, (0.0, 100.0), f"{path}.noise.sigma_px")
     for i, constraint in enumerate(scenario.constraint):

@@ -21,11 +21,24 @@ OUTCOMES = ("converged", "limited", "held", "fault", "timeout")
 NO_TOOL = "none"
 
 
-def constraint_arities() -> dict[str, int]:
-    """Constraint kind to the number of trackers that it ties."""
+def constraint_kinds() -> tuple[str, ...]:
     from vita.constraints import CONSTRAINTS
 
-    return {kind: constraint.arity for kind, constraint in CONSTRAINTS.items()}
+    return tuple(CONSTRAINTS)
+
+
+def constraint_fits(kind: str, widths: list[int]) -> bool:
+    """Whether trackers that give `widths` points each fill the roles of a constraint."""
+    from vita.constraints import CONSTRAINTS
+
+    return CONSTRAINTS[kind].fits(widths)
+
+
+def constraint_roles(kind: str) -> tuple[str, ...]:
+    """What each point of a constraint is."""
+    from vita.constraints import CONSTRAINTS
+
+    return CONSTRAINTS[kind].roles
 
 
 def tracker_kinds() -> tuple[str, ...]:

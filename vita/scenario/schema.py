@@ -93,7 +93,11 @@ class TrackerSpec:
     kind: str = "auto"
     at: tuple[float, float] | None = None
     """Pixel (column, row) in the first frame."""
+    to: tuple[float, float] | None = None
+    """The line's other end, as `at`; only for `line`."""
     attach: AttachSpec | None = None
+    attach_to: AttachSpec | None = None
+    """The line's other end, as `attach`; only for `line`."""
     noise: NoiseSpec | None = None
     """Only for `projected`."""
     size_px: float | None = None

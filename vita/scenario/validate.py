@@ -19,6 +19,8 @@ from vita.scenario.schema import SCHEMA, CameraSpec, ConstraintSpec, Scenario, S
 from vita.scenario.typed import build, plain, whole
 from vita.types import Joint
 
+LINE = "line"
+"""The tracker kind that gives two points, the ends of a line."""
 DEG = math.degrees(1.0)
 """Degrees in a radian."""
 
@@ -137,6 +139,7 @@ def _check_trackers(
             raise BadInput("a tracker needs at = [u, v] or attach = { body = ..., point = [...] }", path)
         if tracker.at is not None and tracker.kind != "fixed":
             _check_seen(tracker.at, cameras[tracker.camera], f"{path}.at")
+        _check_line(tracker, cameras[tracker.camera], bodies, path)
         if tracker.noise is not None:
             if tracker.kind != "projected":
                 raise BadInput("only a projected tracker has a noise model", f"{path}.noise")
@@ -144,6 +147,21 @@ def _check_trackers(
             if tracker.noise.sigma_px and tracker.noise.kind != "gaussian":
                 raise BadInput("belongs to the gaussian noise", f"{path}.noise.sigma_px")
     return {tracker.name: tracker for tracker in trackers}
+
+
+def _check_line(tracker: TrackerSpec, camera: CameraSpec, bodies: Sequence[str], path: str) -> None:
+    """A line has a second end, given in the same way as the first; nothing else has."""
+    for key, first in (("to", tracker.at), ("attach_to", tracker.attach)):
+        value = getattr(tracker, key)
+        if value is not None and (tracker.kind != LINE or first is None):
+            raise BadInput(f"belongs to a {LINE!r} tracker placed by {'at' if key == 'to' else 'attach'}",
+                           f"{path}.{key}")  # fmt: skip
+    if tracker.kind == LINE and tracker.to is None and tracker.attach_to is None:
+        raise BadInput("a line tracker needs its other end: to = [u, v] or attach_to = { ... }", path)
+    if tracker.to is not None:
+        _check_seen(tracker.to, camera, f"{path}.to")
+    if tracker.attach_to is not None:
+        known("body", tracker.attach_to.body, bodies, f"{path}.attach_to.body")
 
 
 def _check_seen(at: tuple[float, float], camera: CameraSpec, path: str) -> None:
@@ -157,14 +175,9 @@ def _check_seen(at: tuple[float, float], camera: CameraSpec, path: str) -> None:
 
 def _check_constraints(constraints: Sequence[ConstraintSpec], trackers: Mapping[str, TrackerSpec]) -> None:
     _unique(constraints, "constraint")
-    arities = names.constraint_arities()
     for i, spec in enumerate(constraints):
         path = f"constraint[{i}]"
-        known("constraint kind", spec.kind, arities, f"{path}.kind")
-        if len(spec.points) != arities[spec.kind]:
-            raise BadInput(
-                f"{spec.kind} ties {arities[spec.kind]} trackers, got {len(spec.points)}", f"{path}.points"
-            )
+        known("constraint kind", spec.kind, names.constraint_kinds(), f"{path}.kind")
         for j, name in enumerate(spec.points):
             known("tracker", name, trackers, f"{path}.points[{j}]")
             if name in spec.points[:j]:
@@ -176,6 +189,13 @@ def _check_constraints(constraints: Sequence[ConstraintSpec], trackers: Mapping[
                     "each view has its own constraint",
                     f"{path}.points[{j}]",
                 )
+        if not names.constraint_fits(spec.kind, [2 if trackers[n].kind == LINE else 1 for n in spec.points]):
+            roles = names.constraint_roles(spec.kind)
+            raise BadInput(
+                f"{spec.kind} ties {len(roles)} trackers ({', '.join(roles)}), where one {LINE!r} tracker "
+                f"stands for both ends of a line; got {len(spec.points)}",
+                f"{path}.points",
+            )
 
 
 def _check_joints(scenario: Scenario, joints: Sequence[Joint]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from vita.types import Array, Feature, Image
+from vita.types import Feature, Image
 
 
 class Tracker(Protocol):
@@ -14,11 +14,4 @@ class Tracker(Protocol):
 
     def update(self, frame: Image) -> Feature:
         """Find the target in the next frame, shape (h, w, 3) RGB uint8. Never raises on a loss."""
-        ...
-
-    def move_to(self, frame: Image, uv: Array) -> None:
-        """Start again at pixel `uv` of `frame` (a person dragged the marker).
-
-        Raises `Untrackable` if nothing there can be tracked; the old target is then kept.
-        """
         ...

@@ -14,9 +14,5 @@ class FixedTracker:
     def __init__(self, frame: Image, uv: object) -> None:
         self._uv: Array = check_pixel(uv, check_frame(frame))
 
-    def move_to(self, frame: Image, uv: object) -> None:
-        """Put the goal elsewhere."""
-        self._uv = check_pixel(uv, check_frame(frame))
-
     def update(self, frame: Image) -> Feature:
         return Feature(self._uv, "ok", 1.0, None, "drawn on the image")

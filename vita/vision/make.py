@@ -13,14 +13,22 @@ TRACKER_KINDS = ("auto", "patch", "fixed")
 
 
 def make_tracker(
-    kind: str, frame: Image, uv: object, *, size_px: float | None = None, seed: int = 0
+    kind: str,
+    frame: Image,
+    uv: object,
+    *,
+    to: object = None,
+    size_px: float | None = None,
+    seed: int = 0,
 ) -> Tracker:
     """A tracker of what is seen at pixel `uv` (2,) of `frame`.
 
-    `size_px` is the side of the region it holds on to; None lets it choose. `seed` is for kinds
-    that draw random numbers; none of these does. Raises `UnknownName`, `BadInput` for a pixel
-    outside the frame, and `Untrackable` (with a `suggestion`) where there is no texture.
+    `to` (2,) is a line's other end. `size_px` is the side of the region it holds on to; None lets
+    it choose. `seed` is for kinds that draw random numbers; none of these does. Raises
+    `UnknownName`, `BadInput` for a pixel outside the frame, and `Untrackable` (with a `suggestion`)
+    where there is nothing to hold on to.
     """
+    del to, seed
     if kind == "fixed":
         return FixedTracker(frame, uv)
     if kind in ("auto", "patch"):

@@ -62,9 +62,27 @@ class PatchTracker:
         self._size_px = size_px
         self._target = self._take(frame, uv)
 
-    def move_to(self, frame: Image, uv: object) -> None:
-        """Start again at pixel `uv`; a refusal keeps the old target."""
-        self._target = self._take(frame, uv)
+    @property
+    def warp(self) -> Array:
+        """(3, 3) from the region's square [-1, 1]^2 to the image, where it was seen last."""
+        return self._target.warp.copy()
+
+    def resume(self, frame: Image, warp: Array) -> bool:
+        """Go on from `warp` (3, 3), someone's guess of where the region is in `frame`.
+
+        True when the region is really there, by the strict rule for lost targets; the pose is then
+        the refined one, and the next `update` starts from it. False changes nothing.
+        """
+        t = self._target
+        if not is_frame(frame, t.size) or not np.isfinite(warp).all():
+            return False
+        crop = Crop.cut(frame, warps.corners(warp), _margin(t.side))
+        fit = self._plain(crop, warp) or self._robust(crop, warp)
+        if fit is None or fit.score < FOUND_SCORE or fit.share < FOUND_SHARE:
+            return False
+        t.warp, t.before, t.share, t.missing, t.doubtful = fit.warp, crop, fit.share, 0, 0
+        t.uv, t.velocity = frozen(warps.apply(fit.warp, t.point)[0]), np.zeros(2)
+        return True
 
     def _take(self, frame: Image, uv: object) -> _Target:
         size = check_frame(frame)

@@ -55,7 +55,3 @@ class ProjectedTracker:
             truth = truth + self._noise.sigma_px * noise
         self._uv = frozen(truth)
         return Feature(self._uv, "ok", 1.0, None, f"ground truth, {self._noise.kind}")
-
-    def move_to(self, frame: Image, uv: object) -> None:
-        """Refused: it shows where the scene's point is, not a place in the picture."""
-        raise BadInput("a projected tracker shows the true place of its point and cannot be dragged")
