@@ -101,8 +101,8 @@ class Task:
         cameras = {self.slot(p).spec.camera for p in spec.points}
         if not constraint.fits([features[p].points.shape[0] for p in spec.points]):
             raise BadInput(
-                f"{constraint.title} takes {constraint.arity} points ({', '.join(constraint.roles)}), where "
-                f"a line tracker stands for both ends of a line; got {len(spec.points)} trackers"
+                f"{constraint.title} takes {constraint.arity} points ({'; '.join(constraint.roles)}), "
+                f"got {len(spec.points)} trackers; a line tracker stands for both ends of a line"
             )
         if len(cameras) > 1:
             raise BadInput(f"the points of one constraint must be in one view, got {sorted(cameras)}")

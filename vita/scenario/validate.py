@@ -192,8 +192,8 @@ def _check_constraints(constraints: Sequence[ConstraintSpec], trackers: Mapping[
         if not names.constraint_fits(spec.kind, [2 if trackers[n].kind == LINE else 1 for n in spec.points]):
             roles = names.constraint_roles(spec.kind)
             raise BadInput(
-                f"{spec.kind} ties {len(roles)} trackers ({', '.join(roles)}), where one {LINE!r} tracker "
-                f"stands for both ends of a line; got {len(spec.points)}",
+                f"{spec.kind} ties {len(roles)} trackers, got {len(spec.points)}: {'; '.join(roles)} (one "
+                f"{LINE!r} tracker stands for both ends of a line)",
                 f"{path}.points",
             )
 
