@@ -74,25 +74,23 @@ class Engine:
         if gate_fault:
             self.fail("gate_fault", gate_fault)
             return None
-        self._check_trackers()
         self._check_feeds()
         controller.joints = within_gate(self.rig.joints)
-        decision = controller.tick(seen.stamp, seen.q, self.error)
+        decision = controller.tick(seen.stamp, seen.q, self.error, self._lost_trackers())
         if decision is None:
             return None
-        scale = 1.0
+        scale = decision.speed_scale
         if decision.exploring:
-            scale = min(1.0, self.limits.explore_speed_rad_s / self.limits.speed_rad_s)
+            scale = min(scale, self.limits.explore_speed_rad_s / self.limits.speed_rad_s)
         return JointStep(decision.dq, seen.q, seen.stamp, scale)
 
-    def _check_trackers(self) -> None:
-        """Name the lost trackers; the controller itself only sees rows that are missing."""
+    def _lost_trackers(self) -> str:
+        """The lost trackers by name; the controller itself only sees rows that are missing."""
         task, features = self.editor.task, self.editor.features
         used = {name for constraint in task.constraints for name in constraint.points}
         lost = [s.spec for s in task.slots if s.spec.name in used and not features[s.spec.name].ok]
-        if lost:
-            places = ", ".join(f"{spec.name!r} in the {spec.camera} view" for spec in lost)
-            self.controller.halt("tracker_lost", culprit=f"tracker {places}")
+        places = ", ".join(f"{spec.name!r} in the {spec.camera} view" for spec in lost)
+        return f"tracker {places}" if lost else ""
 
     def _check_feeds(self) -> None:
         cameras = {term.camera for term in self.editor.task.terms()}

@@ -155,6 +155,8 @@ class Status:
     """Short code such as `tracker_lost`; empty when there is nothing to explain."""
     message: str = ""
     """A sentence that names the culprit and the next step."""
+    degraded: bool = False
+    """Whether the arm goes on at half speed without the rows of a lost tracker."""
 
 
 @dataclass(frozen=True)

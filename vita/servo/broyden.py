@@ -40,16 +40,16 @@ class BroydenEstimator:
         self._q = self._e = None
 
     def observe(self, q: Array, e: Array, alpha: float) -> bool:
-        """Learn from measured joints (n,) [rad] and errors (m,) [px]; True when it did."""
-        if self._q is None or self._e is None or not np.isfinite(self._e).all():
+        """Learn from measured joints (n,) [rad] and errors (m,) [px], NaN where not
+        seen; True when it did."""
+        if self._q is None or self._e is None:
             self._q, self._e = q.copy(), e.copy()
             return False
         dq, de = q - self._q, e - self._e
-        if not np.isfinite(de).all():
-            self.restart()
+        # A row that was not seen at both ends of the secant keeps what is known of it.
+        seen = np.isfinite(de)
+        if np.linalg.norm(de[seen]) < self._min_px or np.linalg.norm(dq) < self._min_rad:
             return False
-        if np.linalg.norm(de) < self._min_px or np.linalg.norm(dq) < self._min_rad:
-            return False
-        self._jacobian = broyden_update(self._jacobian, dq, de, alpha)
+        self._jacobian[seen] = broyden_update(self._jacobian[seen], dq, de[seen], alpha)
         self._q, self._e = q.copy(), e.copy()
         return True

@@ -7,15 +7,17 @@ Both therefore run the same law.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vita.servo.blame import unseen, worst_row
 from vita.servo.broyden import BroydenEstimator
 from vita.servo.config import ServoConfig
+from vita.servo.dropout import HALF_SPEED, RowWatch
 from vita.servo.explore import Exploration, Exploring, JointStuck, Sample, explore
-from vita.servo.law import control_step
+from vita.servo.law import Inverse, control_step
 from vita.servo.monitors import Convergence, DeadBand, Divergence, Stall
 from vita.servo.reasons import status_for
 from vita.types import MOVING_STATES, Array, ErrorVector, Joint, RowLabel, Status, frozen
@@ -32,6 +34,8 @@ class Decision:
     dq: Array
     """(n,) joint motion from the measured position [rad]."""
     exploring: bool = False
+    speed_scale: float = 1.0
+    """Share of the speed limits that may be used."""
 
 
 class Controller:
@@ -54,6 +58,7 @@ class Controller:
     def _fresh_run(self) -> None:
         self._converged, self._diverged = Convergence(), Divergence()
         self._stalled, self._dead_band = Stall(), DeadBand()
+        self._rows = RowWatch()
         self._gain_boost = 1.0
 
     # ---- what people can ask -------------------------------------------------------------------
@@ -109,8 +114,11 @@ class Controller:
 
     # ---- one control period --------------------------------------------------------------------
 
-    def tick(self, stamp: float, q: Array, error: ErrorVector) -> Decision | None:
-        """Take the measurement of time `stamp` [s] and answer with the next motion; None is rest."""
+    def tick(self, stamp: float, q: Array, error: ErrorVector, lost: str = "") -> Decision | None:
+        """Take the measurement of time `stamp` [s] and answer with the next motion; None is rest.
+
+        `lost` names what cannot be seen, for people; without it the constraints are named.
+        """
         if not self.moving:
             return None
         if not np.isfinite(q).all():
@@ -118,11 +126,11 @@ class Controller:
             return None
         if self._started_s is None:
             self._started_s = stamp
-        if self._lost(error):
-            return None
         if self._estimator is not None and self._labels != error.labels:
             self.start(relearn=True)  # An edit between two runs makes the old Jacobian useless.
             self._started_s = stamp
+        if not self._enough(error, lost):
+            return None
         if stamp - self._started_s > self.config.timeout_s:
             self.halt("timeout", timeout=self.config.timeout_s, error=error.largest)
             return None
@@ -134,16 +142,21 @@ class Controller:
             self.halt("numerical", culprit=str(failure))
             return None
 
-    def _lost(self, error: ErrorVector) -> bool:
-        lost = ~np.isfinite(error.values)
-        if error.values.size and not lost.any():
+    def _enough(self, error: ErrorVector, lost: str) -> bool:
+        """Whether the rows that are seen hold the arm; says so when some are missing."""
+        known = self._estimator is not None
+        jacobian = error.weights[:, None] * self.jacobian[:, list(self.used)] if known else None
+        why = self._rows.update(error, jacobian)
+        if why:
+            self.halt("tracker_lost", culprit=lost or unseen(error), why=why)
             return False
-        names = dict.fromkeys(
-            f"{label.constraint!r} in camera {label.camera}" if label.camera else repr(label.constraint)
-            for label, gone in zip(error.labels, lost, strict=True)
-            if gone
-        )
-        self.halt("tracker_lost", culprit=", ".join(names) or "every constraint")
+        if self._rows.changed:
+            # The norm of other rows is another quantity: neither progress nor divergence.
+            self._diverged, self._stalled = Divergence(), Stall()
+        if self._rows.degraded:
+            self.status = self._rows.status(lost or unseen(error))
+        elif self.status.degraded:
+            self.status = Status("servoing", "", "Moving to the goal.")
         return True
 
     # ---- learning ------------------------------------------------------------------------------
@@ -201,12 +214,15 @@ class Controller:
         if self._dead_band.update(q, dq) and self._at_dead_band(error):
             return None
         self.progress = f"error {error.largest:.1f} px"
-        return Decision(dq)
+        return Decision(dq, speed_scale=HALF_SPEED if self._rows.degraded else 1.0)
 
     def _over(self, q: Array, error: ErrorVector) -> bool:
         config, left = self.config, error.largest
         if self._converged.update(left, config.tolerance_px):
             self.halt("converged", tolerance=config.tolerance_px)
+            if not np.isfinite(error.values).all():
+                said = f"{self.status.message} Not seen at the end: {unseen(error)}."
+                self.status = replace(self.status, message=said)
         elif self._diverged.update(error.norm):
             self.halt("diverged", error=error.norm, best=self._diverged.best)
         elif self._stalled.update(error.norm, q):
@@ -224,13 +240,22 @@ class Controller:
         gain = min(1.0, self.config.gain * self._gain_boost) if self._gain_boost > 1 else self.config.gain
         dq = np.zeros(len(self.joints))
         while free.any():
-            dq, inverse = control_step(jacobian, error.values, error.weights, gain, self.config.damping, free)
+            dq, inverse = self._law(jacobian, error, gain, free)
             self.singular_values = frozen(inverse.singular_values)
             outward = free & self._pushes_out(q, dq)
             if not outward.any():
                 return dq
             free &= ~outward
         return np.zeros_like(dq)
+
+    def _law(
+        self, jacobian: Array, error: ErrorVector, gain: float, free: NDArray[np.bool_]
+    ) -> tuple[Array, Inverse]:
+        """The control law on the rows that are seen."""
+        seen = np.isfinite(error.values)
+        return control_step(
+            jacobian[seen], error.values[seen], error.weights[seen], gain, self.config.damping, free
+        )
 
     def _pushes_out(self, q: Array, dq: Array) -> NDArray[np.bool_]:
         lower = np.array([j.lower for j in self.joints])
@@ -242,9 +267,7 @@ class Controller:
         assert self._estimator is not None
         free = np.zeros(len(self.joints), bool)
         free[list(self.used)] = True
-        dq, _ = control_step(
-            self._estimator.jacobian, error.values, error.weights, 1.0, self.config.damping, free
-        )
+        dq, _ = self._law(self._estimator.jacobian, error, 1.0, free)
         return [int(j) for j in np.flatnonzero(free & self._pushes_out(q, dq))]
 
     def _at_dead_band(self, error: ErrorVector) -> bool:
@@ -256,12 +279,3 @@ class Controller:
             return False
         self.halt("dead_band", error=error.largest)
         return True
-
-
-def worst_row(error: ErrorVector) -> str:
-    """The name of the row with the largest error, for people."""
-    if not error.labels:
-        return "nothing"
-    label = error.labels[int(np.nanargmax(np.abs(error.values)))]
-    place = f" in camera {label.camera}" if label.camera else ""
-    return f"{label.constraint!r}{place} ({label.component})"

@@ -19,8 +19,13 @@ REASONS: dict[str, tuple[State, str]] = {
     "stopped_by_user": ("hold", "Stopped. Press Start to go on."),
     "tracker_lost": (
         "hold",
-        "Lost {culprit}. Drag the marker back onto its feature (or delete it), then press Start.",
+        "Lost {culprit}; {why}. Drag the marker back onto its feature (or delete it), then press Start.",
     ),
+    "rows_lost": (
+        "servoing",
+        "Lost {culprit}; going on at half speed with the {left} of {rows} error rows that are seen.",
+    ),
+    "rows_back": ("servoing", "Every tracker is back; full speed in a moment."),
     "stalled": (
         "hold",
         "No more progress at {error:.1f} px; the worst is {culprit}. The constraints may contradict one "

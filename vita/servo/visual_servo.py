@@ -151,7 +151,7 @@ class VisualServo:
         dq, scale = decision.dq, 1.0
         for position, motion, joint in zip(q, dq, self._robot.joints, strict=True):
             room = (joint.upper - position) if motion > 0 else (position - joint.lower)
-            allowed = min(joint.max_speed * self._period_s, max(room, 0.0))
+            allowed = min(decision.speed_scale * joint.max_speed * self._period_s, max(room, 0.0))
             if abs(motion) > allowed:
                 scale = min(scale, allowed / abs(motion))
         return scale * dq
