@@ -17,6 +17,7 @@ from vita.constraints import stack
 from vita.editing import Editor
 from vita.errors import BadInput, NotNow, UnknownName
 from vita.feeds import FrozenFeeds
+from vita.plausible import MotionCheck
 from vita.rig import SimulatedRig
 from vita.scenario.schema import Scenario
 from vita.servo import Controller, Limits, status_for
@@ -41,7 +42,7 @@ class Engine:
         self.observation: Observation = rig.observe()
         self.editor = Editor(rig, scenario, self.observation)
         self.limits = scenario.limits
-        self._feeds = FrozenFeeds()
+        self._feeds, self._motion = FrozenFeeds(), MotionCheck()
         self.last_step: JointStep | None = None
         self.error: ErrorVector = stack((), {})
 
@@ -56,6 +57,7 @@ class Engine:
         if self.controller.status.state == "offline":
             self.controller.status = status_for("images_late")  # It has come back by itself.
         self.editor.track(self.observation, lost=self._forced_losses())
+        self._check_motion()
         self.error = stack(self.editor.task.terms(), self.editor.features)
         watch.lap("track")
         self.last_step = self._decide()
@@ -91,6 +93,18 @@ class Engine:
         lost = [s.spec for s in task.slots if s.spec.name in used and not features[s.spec.name].ok]
         places = ", ".join(f"{spec.name!r} in the {spec.camera} view" for spec in lost)
         return f"tracker {places}" if lost else ""
+
+    def _check_motion(self) -> None:
+        """Take no feature at its word that does not move as the arm does."""
+        if not self.controller.moving:
+            return
+        cameras = {slot.spec.name: slot.spec.camera for slot in self.editor.task.slots}
+        verdict = self._motion.judge(self.observation.q, self.editor.features, cameras)
+        self.editor.features = dict(verdict.features)
+        if verdict.swapped:
+            first, second = verdict.swapped
+            culprit = f"{first!r} and {second!r} in the {cameras[first]} view"
+            self.controller.halt("trackers_swapped", culprit=culprit)
 
     def _check_feeds(self) -> None:
         cameras = {term.camera for term in self.editor.task.terms()}
@@ -134,10 +148,11 @@ class Engine:
         self._tick = other._tick
         self._notices = list(other._notices)
 
-    def say(self, text: str, level: str = "info") -> None:
-        """Tell the people at the page."""
+    def say(self, text: str, level: str = "info", instead: cmd.Command | None = None) -> None:
+        """Tell the people at the page; `instead` is the command that would have been taken."""
         number = self._notices[-1].id + 1 if self._notices else 1
-        self._notices = [*self._notices[-19:], Notice(number, level, text)]  # type: ignore[arg-type]
+        notice = Notice(number, level, text, instead)  # type: ignore[arg-type]
+        self._notices = [*self._notices[-19:], notice]
 
     def _start(self, command: cmd.Start) -> None:
         if self.controller.moving:
@@ -154,7 +169,7 @@ class Engine:
             raise BadInput(f"lost tracker {names}: drag it onto its feature or delete it, then Start")
         self.controller.joints = within_gate(self.rig.joints)
         self._check_joints()
-        self._feeds = FrozenFeeds()
+        self._feeds, self._motion = FrozenFeeds(), MotionCheck()
         self.rig.release()
         self.controller.start(relearn=command.relearn)
 

@@ -21,6 +21,10 @@ REASONS: dict[str, tuple[State, str]] = {
         "hold",
         "Lost {culprit}; {why}. Drag the marker back onto its feature (or delete it), then press Start.",
     ),
+    "trackers_swapped": (
+        "hold",
+        "Trackers {culprit} seem to have changed places. Drag each back onto its feature, then press Start.",
+    ),
     "rows_lost": (
         "servoing",
         "Lost {culprit}; going on at half speed with the {left} of {rows} error rows that are seen.",
