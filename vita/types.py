@@ -63,12 +63,12 @@ class Feature:
     """How well the tracker recognises its target, 0 (not at all) to 1."""
     corners: Array | None = None
     """(4, 2) outline of the tracked region, top-left first and clockwise [px]; None without one."""
+    detail: str = ""
+    """A few words for people: why it is lost, or which method `auto` uses."""
     outline: Array | None = None
     """(k, 2) closed outline of a region that is no quadrangle, such as an ellipse [px]."""
     segment: Array | None = None
     """(2, 2) ends of a tracked line [px], of which `uv` is the middle; None for a point."""
-    detail: str = ""
-    """A few words for people: why it is lost, or which method `auto` uses."""
 
     @property
     def ok(self) -> bool:
@@ -166,6 +166,8 @@ class Notice:
     id: int
     level: Literal["info", "warning", "error"]
     text: str
+    instead: object | None = None
+    """The command (`vita.commands`) that would have been taken in place of a refused one, if any."""
 
 
 @dataclass(frozen=True)
