@@ -9,11 +9,14 @@ the joints' motion since the last picture predicts where the feature should be i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vita.types import Array, Feature, frozen
+
+Mask = NDArray[np.bool_]
 
 JUMP_PX, JUMP_SHARE = 15.0, 0.8
 """A feature that is off its predicted place by more, plus a share of the predicted motion, jumped."""
@@ -33,42 +36,6 @@ APART_PX = 6.0
 """Features that should be at least so far apart can be told from one another."""
 
 
-@dataclass
-class _Motion:
-    """How one feature moves with the joints: a Kalman filter whose two rows share a covariance."""
-
-    uv: Array
-    """(2,) where it was seen last [px]."""
-    rows: Array
-    """(2, n) d uv / d joints [px/rad]."""
-    spread: Array
-    """(n, n) covariance of either row [px^2/rad^2]."""
-    still: int = 0
-    """Periods on end in which it should have moved and did not."""
-    expected: Array | None = None
-    """(2,) where it should be by now, since it was lost or jumped; None while it is believed [px]."""
-    way: float = 0.0
-    """How far it should have gone since [px]."""
-
-    def predict(self, dq: Array) -> tuple[Array, float]:
-        """(2,) motion [px] that `dq` (n,) [rad] should cause, and its standard deviation [px]."""
-        return self.rows @ dq, float(np.sqrt(dq @ self.spread @ dq + 2 * NOISE_PX**2))
-
-    def learn(self, dq: Array, moved: Array) -> None:
-        gain = self.spread @ dq / (dq @ self.spread @ dq + 2 * NOISE_PX**2)
-        self.rows = self.rows + np.outer(moved - self.rows @ dq, gain)
-        size = float(np.square(self.rows).mean()) * CHANGE**2 * float(dq @ dq)
-        self.spread = self.spread - np.outer(gain, dq @ self.spread) + size * np.eye(len(dq))
-
-    def doubt(self, should: Array) -> None:
-        """Go on by prediction alone."""
-        self.expected = (self.uv if self.expected is None else self.expected) + should
-        self.way += float(np.hypot(*should))
-
-    def believe(self, uv: Array) -> None:
-        self.uv, self.expected, self.way, self.still = uv, None, 0.0, 0
-
-
 @dataclass(frozen=True)
 class Verdict:
     features: Mapping[str, Feature]
@@ -77,95 +44,118 @@ class Verdict:
     """Two trackers that changed places, or none."""
 
 
-@dataclass
 class MotionCheck:
-    """Watches the trackers of one run: `judge` once per control period while the arm moves."""
+    """Watches the trackers of one run: `judge` once per control period while the arm moves.
 
-    _known: dict[str, _Motion] = field(default_factory=dict)
-    _q: Array | None = None
+    Each of the T features has a Kalman filter on its motion per joint, whose two rows share a
+    covariance; all filters are updated at once.
+    """
+
+    def __init__(self) -> None:
+        self._names: tuple[str, ...] = ()
+
+    def _begin(self, q: Array, features: Mapping[str, Feature]) -> None:
+        self._names = tuple(features)
+        self._q = q.copy()
+        count, n = len(features), len(q)
+        self._uv = np.array([feature.uv for feature in features.values()]).reshape(count, 2)
+        """Where each was seen last [px]."""
+        self._rows = np.zeros((count, 2, n))
+        """d uv / d joints [px/rad]."""
+        self._spread = np.tile(UNKNOWN_PX**2 * np.eye(n), (count, 1, 1))
+        """Covariance of either row [px^2/rad^2]."""
+        self._still = np.zeros(count, int)
+        """Periods on end in which it should have moved and did not."""
+        self._expected = np.full((count, 2), np.nan)
+        """Where it should be by now, since it was lost or jumped; NaN while it is believed [px]."""
+        self._way = np.zeros(count)
+        """How far it should have gone since [px]."""
 
     def judge(self, q: Array, features: Mapping[str, Feature], cameras: Mapping[str, str]) -> Verdict:
         """Check the features seen at joints `q` (n,) [rad]; `cameras` names each tracker's camera."""
-        last, self._q = self._q, q.copy()
-        if last is None:
-            for name, feature in features.items():
-                self._meet(name, feature, len(q))
+        if self._names != tuple(features):
+            self._begin(q, features)
             return Verdict(features)
-        dq = q - last
-        if not dq.any():
+        dq, self._q = q - self._q, q.copy()
+        if not dq.any() or not features:
             return Verdict(features)
-        pair = self._swapped(dq, features, cameras)
-        judged = {name: self._one(name, feature, dq, pair) for name, feature in features.items()}
-        return Verdict(judged, pair)
+        seen = np.array([feature.uv for feature in features.values()])
+        ok = np.array([feature.ok for feature in features.values()])
+        should = self._rows @ dq
+        blur = self._spread @ dq
+        variance = blur @ dq + 2 * NOISE_PX**2
+        sigma, size = np.sqrt(variance), np.hypot(*should.T)
+        moved = seen - self._uv
+        off = np.hypot(*(moved - should).T)
+        doubted = np.isfinite(self._expected[:, 0])
+        pair = self._swapped(seen, should, off, ok & ~doubted & (off > SIGMAS * sigma), cameras)
+        jumped = ok & ~doubted & (off > JUMP_PX + JUMP_SHARE * size) & (off > SIGMAS * sigma)
+        jumped[list(pair)] = True
+        stuck = ok & ~doubted & ~moved.any(axis=1) & (size > STILL_PX + sigma)
+        self._still = np.where(stuck, self._still + 1, 0)
+        self._doubt(should, jumped | doubted | ~ok)
+        back, miss = self._back(seen, ok & doubted)
+        believed = ok & ~jumped & ~(doubted & ~back)
+        self._learn(blur / variance[:, None], blur, dq, moved - should, believed & ~doubted & ~stuck)
+        self._uv = np.where(believed[:, None], seen, self._uv)
+        out = dict(features)
+        for i in map(int, np.flatnonzero(ok & (~believed | (self._still >= STILL_PERIODS)))):
+            name = self._names[i]
+            out[name] = self._suspect(i, features[name], off[i], miss[i], bool(jumped[i]), pair)
+        return Verdict(out, tuple(self._names[i] for i in pair))
 
-    def _meet(self, name: str, feature: Feature, n: int) -> _Motion:
-        if name not in self._known:
-            self._known[name] = _Motion(feature.uv, np.zeros((2, n)), UNKNOWN_PX**2 * np.eye(n))
-        return self._known[name]
+    def _doubt(self, should: Array, which: Mask) -> None:
+        """Go on by prediction alone."""
+        base = np.where(np.isfinite(self._expected), self._expected, self._uv)
+        self._expected = np.where(which[:, None], base + should, self._expected)
+        self._way = np.where(which, self._way + np.hypot(*should.T), self._way)
 
-    def _one(self, name: str, feature: Feature, dq: Array, swapped: tuple[str, ...]) -> Feature:
-        motion = self._meet(name, feature, len(dq))
-        should, sigma = motion.predict(dq)
-        if name in swapped:
-            motion.doubt(should)
-            other = swapped[1 - swapped.index(name)]
-            return _lost(feature, motion, f"it seems to have changed places with {other!r}")
-        if not feature.ok:
-            motion.doubt(should)
-            return feature
-        if motion.expected is not None:
-            return self._back(motion, feature, should)
-        moved = feature.uv - motion.uv
-        off, size = float(np.hypot(*(moved - should))), float(np.hypot(*should))
-        if off > JUMP_PX + JUMP_SHARE * size and off > SIGMAS * sigma:
-            motion.doubt(should)
-            assert motion.expected is not None
+    def _back(self, seen: Array, candidates: Mask) -> tuple[Mask, Array]:
+        """Which of those that were lost or jumped are where the joints have carried them, and how
+        far each is from there [px]."""
+        miss = np.hypot(*(seen - self._expected).T)
+        back = candidates & (miss <= JUMP_PX + RETURN_SHARE * self._way)
+        self._expected[back], self._way[back] = np.nan, 0.0
+        return back, miss
+
+    def _learn(self, gain: Array, blur: Array, dq: Array, rest: Array, which: Mask) -> None:
+        """Kalman update with the part `rest` (T, 2) of the motion that was not predicted [px]."""
+        self._rows[which] += rest[which, :, None] * gain[which, None, :]
+        grown = np.square(self._rows[which]).mean(axis=(1, 2)) * CHANGE**2 * float(dq @ dq)
+        self._spread[which] -= gain[which, :, None] * blur[which, None, :]
+        self._spread[which] += grown[:, None, None] * np.eye(len(dq))
+
+    def _suspect(
+        self, i: int, feature: Feature, off: float, miss: float, jumped: bool, pair: tuple[int, ...]
+    ) -> Feature:
+        """What is reported in place of a feature that cannot be believed."""
+        if i in pair:
+            other = self._names[pair[1 - pair.index(i)]]
+            return self._lost(i, feature, f"it seems to have changed places with {other!r}")
+        if jumped:
             why = f"it jumped {off:.0f} px in one picture"
+            if feature.segment is not None:
+                return self._lost(i, feature, why)
             # A single bad picture of a point is bridged by what the joints say.
-            return replace(feature, uv=frozen(motion.expected), corners=None, outline=None, detail=why) if (
-                feature.segment is None
-            ) else _lost(feature, motion, why)  # fmt: skip
-        motion.still = motion.still + 1 if not moved.any() and size > STILL_PX + sigma else 0
-        if motion.still >= STILL_PERIODS:
-            return _lost(feature, motion, "it is not updating although the arm moves")
-        if not motion.still:
-            motion.learn(dq, moved)
-        motion.uv = feature.uv
-        return feature
+            return replace(feature, uv=frozen(self._expected[i]), corners=None, outline=None, detail=why)
+        if self._still[i] >= STILL_PERIODS:
+            return self._lost(i, feature, "it is not updating although the arm moves")
+        return self._lost(i, feature, f"it is {miss:.0f} px from where the arm should have carried it")
 
-    @staticmethod
-    def _back(motion: _Motion, feature: Feature, should: Array) -> Feature:
-        """Of a feature that was lost or jumped: whether it is where the joints have carried it."""
-        motion.doubt(should)
-        assert motion.expected is not None
-        off = float(np.hypot(*(feature.uv - motion.expected)))
-        if off <= JUMP_PX + RETURN_SHARE * motion.way:
-            motion.believe(feature.uv)
-            return feature
-        return _lost(feature, motion, f"it is {off:.0f} px from where the arm should have carried it")
+    def _lost(self, i: int, feature: Feature, why: str) -> Feature:
+        return replace(feature, uv=frozen(self._uv[i]), status="lost", score=0.0, detail=why)
 
     def _swapped(
-        self, dq: Array, features: Mapping[str, Feature], cameras: Mapping[str, str]
-    ) -> tuple[str, ...]:
+        self, seen: Array, should: Array, off: Array, odd: Mask, cameras: Mapping[str, str]
+    ) -> tuple[int, ...]:
         """Two features, each where the other should be."""
-        odd: list[tuple[str, Array, Array, float]] = []
-        for name, feature in features.items():
-            motion = self._known.get(name)
-            if motion is None or motion.expected is not None or not feature.ok:
-                continue
-            should, sigma = motion.predict(dq)
-            place = motion.uv + should
-            off = float(np.hypot(*(feature.uv - place)))
-            if off > max(APART_PX / 2, SIGMAS * sigma):
-                odd.append((name, feature.uv, place, off))
-        for i, (a, uv_a, place_a, off_a) in enumerate(odd):
-            for b, uv_b, place_b, off_b in odd[i + 1 :]:
-                crossed = np.hypot(*(uv_a - place_b)) + np.hypot(*(uv_b - place_a))
-                apart = np.hypot(*(place_a - place_b)) > APART_PX
-                if cameras[a] == cameras[b] and apart and crossed < 0.5 * (off_a + off_b):
-                    return a, b
+        places = self._uv + should
+        suspects = np.flatnonzero(odd & (off > APART_PX / 2))
+        for a in suspects:
+            for b in suspects[suspects > a]:
+                crossed = np.hypot(*(seen[a] - places[b])) + np.hypot(*(seen[b] - places[a]))
+                apart = np.hypot(*(places[a] - places[b])) > APART_PX
+                same_view = cameras[self._names[a]] == cameras[self._names[b]]
+                if same_view and apart and crossed < 0.5 * (off[a] + off[b]):
+                    return int(a), int(b)
         return ()
-
-
-def _lost(feature: Feature, motion: _Motion, why: str) -> Feature:
-    return replace(feature, uv=frozen(motion.uv), status="lost", score=0.0, detail=why)
