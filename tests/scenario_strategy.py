@@ -58,17 +58,29 @@ def cameras(draw: Any, name: str, links: tuple[str, ...]) -> CameraSpec:
 
 
 @st.composite
+def noises(draw: Any) -> NoiseSpec:
+    kind = draw(st.sampled_from(names.noise_kinds()))
+    span = st.tuples(number(0, 1e5), number(0, 1e5)).filter(lambda pair: pair[0] != pair[1])
+    jump, every = draw(st.just((0.0, 0.0)) | st.tuples(number(1e-6, 1e4), number(1e-6, 1e5)))
+    return NoiseSpec(
+        kind=kind,
+        sigma_px=draw(number(0.0, 100.0)) if kind in ("gaussian", "distance") else 0.0,
+        at_m=draw(number(0.01, 100.0)) if kind == "distance" else 1.0,
+        drift_px_s=draw(number(0.0, 1e4)),
+        occluded=tuple((min(a, b), max(a, b)) for a, b in draw(st.lists(span, max_size=3))),
+        jump_px=jump,
+        jump_every_s=every,
+    )
+
+
+@st.composite
 def trackers(draw: Any, name: str, views: list[CameraSpec], bodies: tuple[str, ...]) -> TrackerSpec:
     camera = draw(st.sampled_from(views))
     kind = draw(st.sampled_from(names.tracker_kinds()))
     size = draw(st.none() | number(4.0, 2000.0))
     attach = AttachSpec(draw(st.sampled_from(bodies)), draw(POINT))
     if kind == "projected":
-        noise = draw(
-            st.none()
-            | st.sampled_from([NoiseSpec(), NoiseSpec("integer")])
-            | st.builds(NoiseSpec, st.just("gaussian"), number(0.0, 100.0))
-        )
+        noise = draw(st.none() | noises())
         return TrackerSpec(name, camera.name, kind, attach=attach, noise=noise, size_px=size)
     other = AttachSpec(draw(st.sampled_from(bodies)), draw(POINT)) if kind == "line" else None
     if draw(st.booleans()):
@@ -178,8 +190,6 @@ def expectations(draw: Any, bodies: tuple[str, ...]) -> ExpectSpec:
         reason=draw(st.none() | st.sampled_from(["tracker_lost", "diverged"])),
         within_s=draw(some),
         final_error_px=draw(some),
-        final_distance_mm=draw(
-            st.none() | st.builds(DistanceSpec, body, body, number(0, 1e3), POINT, POINT)
-        ),
+        final_distance_mm=draw(st.none() | st.builds(DistanceSpec, body, body, number(0, 1e3), POINT, POINT)),
         max_joint_motion_after_deg=draw(some),
     )

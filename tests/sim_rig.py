@@ -78,6 +78,10 @@ class KinematicRig:
         x = np.cos(turn) * where[0] + np.sin(turn) * where[2]
         return np.array([320 + 110 * x, 240 + 110 * where[1]])
 
+    def distance(self, camera: str, body: str, point: Sequence[float]) -> float:
+        eye = (0.0, 0.0, -2.0 if camera == "left" else -3.0)
+        return float(np.linalg.norm(self.locate(body, point) - eye))
+
     def locate(self, body: str, point: Sequence[float]) -> Array:
         return self.hand() + point if body == "tool" else np.array(point, float)
 

@@ -117,7 +117,8 @@ class Editor:
                 raise BadInput("a projected tracker needs `attach`", f"tracker {spec.name!r}")
             where = partial(self._rig.project, spec.camera, spec.attach.body, spec.attach.point)
             size = (frame.shape[1], frame.shape[0])
-            return ProjectedTracker(where, spec.noise or NoiseSpec(), size=size, seed=seed)
+            away = partial(self._rig.distance, spec.camera, spec.attach.body, spec.attach.point)
+            return ProjectedTracker(where, spec.noise or NoiseSpec(), seed, size, distance=away)
         assert spec.at is not None  # The file's validation and `_located` see to it.
         try:
             return make_tracker(spec.kind, frame, spec.at, to=spec.to, size_px=spec.size_px, seed=seed)

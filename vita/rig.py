@@ -83,6 +83,10 @@ class SimulatedRig(Rig, Protocol):
         """(2,) pixel at which a point fixed to `body` is seen now [px]."""
         ...
 
+    def distance(self, camera: str, body: str, point: Sequence[float]) -> float:
+        """Distance of a point fixed to `body` from the camera's centre [m]."""
+        ...
+
     def locate(self, body: str, point: Sequence[float]) -> Array:
         """(3,) world position of a point fixed to `body` [m]."""
         ...

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 
 from vita.errors import BadInput
-from vita.scenario.schema import Scenario
+from vita.scenario.schema import NoiseSpec, Scenario
 from vita.scenario.typed import shown
 
 NAME = re.compile(r"[A-Za-z0-9 _.-]{1,64}")
@@ -101,12 +101,23 @@ def _trackers(scenario: Scenario) -> None:
         if tracker.attach_to is not None:
             _between(tracker.attach_to.point, _METRES, f"{path}.attach_to.point")
         if tracker.noise is not None:
-            _between(tracker.noise.sigma_px, (0.0, 100.0), f"{path}.noise.sigma_px")
+            _noise(tracker.noise, f"{path}.noise")
     for i, constraint in enumerate(scenario.constraint):
         _name(constraint.name, f"constraint[{i}].name")
         _between(constraint.weight, (0.0, 1e3), f"constraint[{i}].weight")
         if constraint.weight == 0:
             raise BadInput("must be above 0; delete the constraint instead", f"constraint[{i}].weight")
+
+
+def _noise(noise: NoiseSpec, path: str) -> None:
+    _between(noise.sigma_px, (0.0, 100.0), f"{path}.sigma_px")
+    _between(noise.at_m, (0.01, 100.0), f"{path}.at_m")
+    _between(noise.drift_px_s, (0.0, 1e4), f"{path}.drift_px_s")
+    _between(noise.jump_px, (0.0, 1e4), f"{path}.jump_px")
+    _between(noise.jump_every_s, _SECONDS, f"{path}.jump_every_s")
+    if len(noise.occluded) > 256:
+        raise BadInput(f"at most 256 are possible, got {len(noise.occluded)}", f"{path}.occluded")
+    _between(noise.occluded, _SECONDS, f"{path}.occluded")
 
 
 _ARGUMENTS = {

@@ -78,10 +78,22 @@ class AttachSpec:
 
 @dataclass(frozen=True)
 class NoiseSpec:
-    """How a `projected` tracker errs: `perfect`, `integer` or `gaussian`."""
+    """How a `projected` tracker errs."""
 
     kind: str = "perfect"
+    """`perfect`, `integer` (whole pixels), `gaussian`, or `distance` (grows with it)."""
     sigma_px: float = 0.0
+    """Standard deviation of `gaussian`, and of `distance` at `at_m` metres [px]."""
+    at_m: float = 1.0
+    """Distance to the camera at which the noise has the deviation `sigma_px`; only for `distance` [m]."""
+    drift_px_s: float = 0.0
+    """Speed at which it walks off, always in the same direction [px/s]."""
+    occluded: tuple[tuple[float, float], ...] = ()
+    """Spans of time, begin and end, during which it is lost [s]."""
+    jump_px: float = 0.0
+    """How far a single frame is off, every `jump_every_s` [px]."""
+    jump_every_s: float = 0.0
+    """Time from one such frame to the next [s]."""
 
 
 @dataclass(frozen=True)

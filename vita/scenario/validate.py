@@ -15,7 +15,15 @@ from vita.errors import BadInput, UnknownName
 from vita.scenario import names
 from vita.scenario.actions import checked_action
 from vita.scenario.limits import check_numbers
-from vita.scenario.schema import SCHEMA, CameraSpec, ConstraintSpec, Scenario, ScriptSpec, TrackerSpec
+from vita.scenario.schema import (
+    SCHEMA,
+    CameraSpec,
+    ConstraintSpec,
+    NoiseSpec,
+    Scenario,
+    ScriptSpec,
+    TrackerSpec,
+)
 from vita.scenario.typed import build, plain, whole
 from vita.types import Joint
 
@@ -144,9 +152,22 @@ def _check_trackers(
             if tracker.kind != "projected":
                 raise BadInput("only a projected tracker has a noise model", f"{path}.noise")
             known("noise kind", tracker.noise.kind, names.noise_kinds(), f"{path}.noise.kind")
-            if tracker.noise.sigma_px and tracker.noise.kind != "gaussian":
-                raise BadInput("belongs to the gaussian noise", f"{path}.noise.sigma_px")
+            _check_noise(tracker.noise, f"{path}.noise")
     return {tracker.name: tracker for tracker in trackers}
+
+
+def _check_noise(noise: NoiseSpec, path: str) -> None:
+    if noise.sigma_px and noise.kind not in ("gaussian", "distance"):
+        raise BadInput("belongs to the noise kinds gaussian and distance", f"{path}.sigma_px")
+    if noise.at_m != NoiseSpec.at_m and noise.kind != "distance":
+        raise BadInput("belongs to the noise kind distance", f"{path}.at_m")
+    for i, (start, end) in enumerate(noise.occluded):
+        if start >= end:
+            where = f"{path}.occluded[{i}]"
+            raise BadInput(f"a span of time ends after it begins, got {start:g} to {end:g} s", where)
+    for key, other in (("jump_px", "jump_every_s"), ("jump_every_s", "jump_px")):
+        if getattr(noise, key) and not getattr(noise, other):
+            raise BadInput(f"needs {other} beside it", f"{path}.{key}")
 
 
 def _check_line(tracker: TrackerSpec, camera: CameraSpec, bodies: Sequence[str], path: str) -> None:

@@ -184,6 +184,10 @@ class LiveRig:
         """(2,) pixel at which a point of `body` was seen at the last observation [px]."""
         return self._truth.project(camera, body, point)
 
+    def distance(self, camera: str, body: str, point: Sequence[float]) -> float:
+        """Distance of a point of `body` from a camera at the last observation [m]."""
+        return self._truth.distance(camera, body, point)
+
     def locate(self, body: str, point: Sequence[float]) -> Array:
         """(3,) where a point of `body` was at the last observation [m]."""
         return self._truth.locate(body, point)

@@ -149,14 +149,14 @@ def cloud(
     return total
 
 
-def marker(cells: int, seed: int, px: int = 32, quiet: float = 0.6) -> Image:
-    """A square code: a white rim of `quiet` cells, a black frame, and `cells` x `cells` random bits."""
-    rng = np.random.default_rng(seed)
-    bits = np.zeros((cells + 2, cells + 2), np.uint8)
-    bits[1:-1, 1:-1] = rng.integers(0, 2, (cells, cells))
-    # Three white corners and one black one tell which way up it is.
-    bits[1, 1], bits[1, -2], bits[-2, 1], bits[-2, -2] = 1, 1, 1, 0
-    code = np.kron(bits, np.ones((px, px), np.uint8)) * 235 + 12
+def marker(number: int, px: int = 32, quiet: float = 0.6) -> Image:
+    """The ArUco code `number` of the 6 x 6 dictionary, in a black frame and a white rim of `quiet` cells.
+
+    Cells are `px` texels wide.
+    """
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_6X6_50)
+    cells = cv2.aruco.generateImageMarker(dictionary, number, 8) // 255
+    code = np.kron(cells, np.ones((px, px), np.uint8)) * 235 + 12
     rim = round(quiet * px)
     code = np.pad(code, rim, constant_values=250)
     return np.repeat(code[:, :, None], 3, axis=2)

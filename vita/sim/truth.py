@@ -36,6 +36,14 @@ class GroundTruth:
         T = poses[f"camera:{camera}"]
         return self._lenses[camera].project(T, self._place(poses, body, point)[None])[0]
 
+    def distance(self, camera: str, body: str, point: Sequence[float]) -> float:
+        """Distance of a point fixed to `body` from the camera's centre [m]."""
+        if camera not in self._lenses:
+            raise UnknownName("camera", camera, self._lenses)
+        poses = self._seen.get(camera, self.poses)
+        away = self._place(poses, body, point) - poses[f"camera:{camera}"][:3, 3]
+        return float(np.linalg.norm(away))
+
     def locate(self, body: str, point: Sequence[float]) -> Array:
         """(3,) world position of a point fixed to `body` [m]."""
         return self._place(self.poses, body, point)

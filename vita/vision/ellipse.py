@@ -47,12 +47,15 @@ class EllipseTracker:
 
     kind = "ellipse"
 
-    def __init__(self, frame: Image, uv: object, *, size_px: float | None = None) -> None:
+    def __init__(
+        self, frame: Image, uv: object, *, size_px: float | None = None, suggest: bool = True
+    ) -> None:
+        """`suggest` looks for another ellipse to offer when there is none here, which takes a while."""
         self._size = check_frame(frame)
         pixel = check_pixel(uv, self._size)
         found = _acquire(frame, pixel, size_px)
         if found is None:
-            raise _refusal(frame, pixel)
+            raise _refusal(frame, pixel) if suggest else Untrackable(NONE_HERE)
         self._oval, self._look, self._tint = found.oval, found.look, found.tint
         self._area = found.oval.area
         self._speed = np.zeros(2)
@@ -189,13 +192,15 @@ def _first_fit(frame: Image, oval: Oval, tint: Tint) -> Fit | None:
     return None
 
 
+NONE_HERE = "no ellipse around this pixel: click inside a ball, a hole or a dot that stands out."
+
+
 def _refusal(frame: Image, pixel: Array) -> Untrackable:
-    said = "no ellipse around this pixel: click inside a ball, a hole or a dot that stands out."
     found = []
     for tint in edges.TINTS if frame.ndim == 3 else (None,):
         fits = (_first_fit(frame, oval, tint) for oval in nearest(frame, pixel, tint))
         found += [fit.oval.center for fit in fits if fit is not None]
     if not found:
-        return Untrackable(said)
+        return Untrackable(NONE_HERE)
     u, v = min(found, key=lambda center: float(np.hypot(*(center - pixel)))).tolist()
-    return Untrackable(f"{said} The nearest one is at ({u:.0f}, {v:.0f}).", suggestion=(u, v))
+    return Untrackable(f"{NONE_HERE} The nearest one is at ({u:.0f}, {v:.0f}).", suggestion=(u, v))
