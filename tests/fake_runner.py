@@ -13,12 +13,14 @@ from dataclasses import replace
 import numpy as np
 
 from vita import commands as c
+from vita.errors import Untrackable
 from vita.scenario.schema import CameraSpec, ConstraintSpec, Scenario, TrackerSpec
 from vita.snapshot import Snapshot
 from vita.types import ErrorVector, Feature, Joint, Notice, RowLabel, Status, Timing, Visual, frozen
 
 JOINTS = tuple(Joint(f"joint{i + 1}", -2.6, 2.6, 2.0) for i in range(4))
-STEPS = {"point_to_point": 2, "point_to_line": 3, "line_to_line": 4, "parallel_lines": 4}
+BETTER = (320.0, 60.0)
+"""Where trackers may be placed instead of at the upper edge of a picture, which is refused."""
 
 
 def two_cameras() -> Scenario:
@@ -54,6 +56,8 @@ class FakeRunner:
         self.rig_revision = 1
         self.log: list[object] = []
         self.stops = 0
+        self.lost: set[str] = set()
+        """Names of trackers that are reported lost."""
         self._queue: list[object] = []
         self._undo: list[Scenario] = []
         self._redo: list[Scenario] = []
@@ -122,6 +126,8 @@ class FakeRunner:
                 self.log.append(command)
                 try:
                     self._apply(command)
+                except Untrackable as refusal:
+                    self._say("warning", str(refusal), replace(command, uv=refusal.suggestion))  # type: ignore
                 except Exception as problem:
                     self._say("error", str(problem))
             with self._news:
@@ -131,8 +137,9 @@ class FakeRunner:
         with self._news:
             self._news.notify_all()
 
-    def _say(self, level: str, text: str) -> None:
-        self._notices = [*self._notices, Notice(len(self._notices) + 1, level, text)][-20:]  # type: ignore
+    def _say(self, level: str, text: str, instead: object = None) -> None:
+        number = self._notices[-1].id + 1 if self._notices else 1
+        self._notices = [*self._notices, Notice(number, level, text, instead)][-20:]  # type: ignore
 
     def _edit(self, **changes: object) -> None:
         self._undo.append(self.scenario)
@@ -143,11 +150,11 @@ class FakeRunner:
         s = self.scenario
         if isinstance(cmd, c.AddTracker):
             if cmd.kind == "auto" and cmd.uv[1] < 20:
-                raise ValueError("left: nothing to hold on to at that spot; try (320, 60)")
+                raise Untrackable("nothing to hold on to here", f"tracker {cmd.name!r}", BETTER)
             name = cmd.name or f"T{len(s.tracker) + 1}"
-            self._edit(tracker=(*s.tracker, TrackerSpec(name, cmd.camera, cmd.kind, cmd.uv)))
+            self._edit(tracker=(*s.tracker, TrackerSpec(name, cmd.camera, cmd.kind, cmd.uv, cmd.to)))
         elif isinstance(cmd, c.MoveTracker):
-            self._edit(tracker=tuple(replace(t, at=cmd.uv) if t.name == cmd.name else t for t in s.tracker))
+            self._edit(tracker=tuple(_moved(t, cmd) if t.name == cmd.name else t for t in s.tracker))
         elif isinstance(cmd, c.RenameTracker):
             new = tuple(replace(t, name=cmd.new) if t.name == cmd.name else t for t in s.tracker)
             cons = tuple(
@@ -201,13 +208,14 @@ class FakeRunner:
         moving = self._status.state == "servoing"
         decay = np.exp(-(now - self._start)) if moving else 1.0
         features = {
-            t.name: Feature(frozen(t.at or (0, 0)), corners=_square(t), detail="template")
+            t.name: _feature(t) if t.name not in self.lost
+            else replace(_feature(t), status="lost", score=0.1, detail="covered, or changed too much")
             for t in s.tracker
         }
         values, labels, weights = [], [], []
         for k in s.constraint:
             camera = next(t.camera for t in s.tracker if t.name == k.points[0])
-            points = [features[p].uv for p in k.points]
+            points = [point for p in k.points for point in features[p].points]
             for axis, name in enumerate(("u", "v")):
                 values.append(float(points[0][axis] - points[-1][axis]) * decay)
                 labels.append(RowLabel(k.name, camera, name))
@@ -226,6 +234,24 @@ class FakeRunner:
             can_redo=bool(self._redo), notices=tuple(self._notices),
             timing=Timing(self._hz, {"track": 4.0, "servo": 0.3}), poses=poses,
         )
+
+
+def _feature(tracker: TrackerSpec) -> Feature:
+    """What a perfect tracker would report: it stays where it was put."""
+    at = tracker.at or (0.0, 0.0)
+    if tracker.to is not None:
+        segment = frozen([at, tracker.to])
+        return Feature(frozen(segment.mean(axis=0)), score=0.9, segment=segment, detail="edge 60 px")
+    return Feature(frozen(at), corners=_square(tracker), detail="template")
+
+
+def _moved(tracker: TrackerSpec, cmd: c.MoveTracker) -> TrackerSpec:
+    """As the engine does: a line that is moved by its middle keeps its direction and length."""
+    if tracker.to is None or tracker.at is None or cmd.to is not None:
+        return replace(tracker, at=cmd.uv, to=cmd.to)
+    half = (np.array(tracker.to) - tracker.at) / 2
+    at, to = (tuple(float(x) for x in np.array(cmd.uv) + sign * half) for sign in (-1, 1))
+    return replace(tracker, at=at, to=to)  # type: ignore[arg-type]
 
 
 def _square(tracker: TrackerSpec) -> np.ndarray | None:

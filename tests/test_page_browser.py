@@ -249,13 +249,16 @@ def test_every_documented_key_does_what_it_says(visit: Visit) -> None:
     sent("Control+y", c.Redo)
     sent("Shift+R", c.ResetArm)
     composer.selected = "G1"
-    sent("Shift+ArrowRight", c.MoveTracker)
+    sent("ArrowRight", c.MoveTracker)
     assert runner.log[-1].uv == (301.0, 240.0)
+    sent("Shift+ArrowUp", c.MoveTracker)
     sent("Delete", c.DeleteTracker)
     page.keyboard.press("v")
     wait_for(lambda: board.mode == "world", "the 3D world by v")
+    wait_for(lambda: page.evaluate("window.vitaPage.still") is False, "arrow keys that may orbit")
     page.keyboard.press("v")
     wait_for(lambda: board.mode == "cameras", "the cameras by v")
+    wait_for(lambda: page.evaluate("window.vitaPage.still") is True, "arrow keys that may not")
     settle(visit)  # what the browser tells of its camera lags behind
     whole = board.lens.unit()
     page.keyboard.press("2")

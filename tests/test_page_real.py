@@ -18,6 +18,8 @@ from vita.ui import App
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(240)]
 CROSS = ("tool", (0.0, 0.0, 0.085))
+BLANK = (600.0, 60.0)
+"""A pixel of the left view that shows nothing but wall."""
 BALL = ("post", (0.0, 0.0, 0.0))
 
 
@@ -180,6 +182,31 @@ def test_a_task_clicked_together_converges_stops_and_survives_a_reload(
     assert now.constraint == kept.constraint
     assert [t.name for t in now.tracker] == [t.name for t in kept.tracker]
     assert state(visit) == "hold"
+
+
+def test_a_blank_wall_is_refused_the_offered_place_taken_and_nudged_exactly(visit: Visit) -> None:
+    composer, runner = visit.app.composer, visit.runner
+    visit.page.keyboard.press("t")
+    wait_for(lambda: composer.tool == "tracker", "the tool in hand")
+    composer.place = "patch"
+    visit.click("left", BLANK)
+    hint = wait_for(lambda: composer.hint, "the offer")
+    visit.page.locator(".vita .take").click()
+    made = wait_for(lambda: dict(runner.snapshot().features), "the tracker there")
+    ((name, feature),) = made.items()
+    assert np.abs(feature.uv - hint.uv).max() < 0.2 and feature.ok
+    composer.put_away()
+    composer.place = "auto"
+    visit.page.locator(".vita .item label.grow").first.click()
+    wait_for(lambda: visit.page.locator("#vita-selected").count() == 1, "its card")
+    assert "patch" in visit.page.locator("#vita-selected").inner_text()
+    for key, step in (("ArrowRight", (1.0, 0.0)), ("Shift+ArrowDown", (0.0, 0.1))):
+        before = runner.snapshot().features[name].uv
+        visit.page.keyboard.press(key)
+        wait_for(
+            lambda: np.abs(runner.snapshot().features[name].uv - before - step).max() < 0.04,  # noqa: B023
+            f"the step by {key}",
+        )
 
 
 def test_the_example_button_and_start_are_enough_to_see_it_work(visit: Visit) -> None:

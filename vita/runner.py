@@ -15,7 +15,7 @@ from dataclasses import replace
 
 from vita import commands as cmd
 from vita.engine import Engine
-from vita.errors import RigLate, RigOffline, VitaError
+from vita.errors import RigLate, RigOffline, Untrackable, VitaError
 from vita.rig import SimulatedRig
 from vita.scenario.schema import Scenario
 from vita.snapshot import Snapshot
@@ -110,7 +110,7 @@ class Runner:
             try:
                 self._apply(command)
             except VitaError as refusal:
-                self._engine.say(str(refusal), "warning")
+                self._engine.say(str(refusal), "warning", _instead(command, refusal))
                 if isinstance(refusal, RigOffline):
                     raise
 
@@ -178,6 +178,16 @@ class Runner:
             log.exception("the rig could not be told to rest")
         self._publish_status()
         self._closing.wait(0.1)
+
+
+def _instead(command: cmd.Command, refusal: VitaError) -> cmd.Command | None:
+    """The same command at the nearest place that a tracker could hold on to."""
+    spot = refusal.suggestion if isinstance(refusal, Untrackable) else None
+    if spot is None or not isinstance(command, (cmd.AddTracker, cmd.MoveTracker)):
+        return None
+    shift = float(spot[0]) - command.uv[0], float(spot[1]) - command.uv[1]
+    to = None if command.to is None else (command.to[0] + shift[0], command.to[1] + shift[1])
+    return replace(command, uv=(float(spot[0]), float(spot[1])), to=to)
 
 
 def live_runner(scenario: Scenario) -> Runner:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +11,10 @@ from vita.snapshot import Snapshot
 from vita.ui.audience import Audience
 from vita.ui.board import Mode
 from vita.ui.compose import SELECT, Composer
+
+Uv = tuple[float, float]
+REPEAT_S = 0.25
+"""Nudges that follow one another within this time add up, whatever the engine has made of them [s]."""
 
 
 class Actions:
@@ -21,14 +26,20 @@ class Actions:
         stop: Callable[[], None],
     ) -> None:
         self.composer, self.submit, self._snapshot, self._stop = composer, submit, snapshot, stop
+        self._nudged: tuple[str, Uv, float] | None = None
 
     # In the views.
 
-    def picked(self, camera: str, uv: tuple[float, float], hit: str | None) -> None:
-        self.composer.click(self._snapshot(), camera, uv, hit)
+    def picked(self, camera: str, uv: Uv, hit: str | None) -> None:
+        hint = self.composer.hint
+        if hint is not None and (hint.camera, hint.uv) == (camera, uv):
+            self.composer.accept(self._snapshot())
+        else:
+            self.composer.click(self._snapshot(), camera, uv, hit)
 
-    def moved(self, name: str, uv: tuple[float, float]) -> None:
-        self.submit(c.MoveTracker(name, uv))
+    def moved(self, name: str, uv: Uv, to: Uv | None = None) -> None:
+        """A marker was put at `uv`; `to` is the other end of a line whose ends were moved."""
+        self.submit(c.MoveTracker(name, uv, to))
 
     def missed(self, event: Any) -> None:
         """A click beside the pictures."""
@@ -54,12 +65,18 @@ class Actions:
             self.submit(c.DeleteTracker(self.composer.selected))
             self.composer.selected = None
 
-    def nudge(self, du: float, dv: float) -> None:
+    def nudge(self, event: Any, du: float, dv: float) -> None:
         """Move the selected marker by whole or part pixels."""
-        name = self.composer.selected
+        name, board = self.composer.selected, self.audience.board_of(event)
         feature = self._snapshot().features.get(name) if name else None
-        if name is not None and feature is not None:
-            self.moved(name, (float(feature.uv[0]) + du, float(feature.uv[1]) + dv))
+        if name is None or feature is None or board is None or board.mode != "cameras":
+            return
+        now, place = time.monotonic(), (float(feature.uv[0]), float(feature.uv[1]))
+        if self._nudged is not None and self._nudged[0] == name and now - self._nudged[2] < REPEAT_S:
+            place = self._nudged[1]  # Keys repeat faster than the engine answers: go on from what was asked.
+        place = round(place[0] + du, 3), round(place[1] + dv, 3)
+        self._nudged = name, place, now
+        self.moved(name, place)
 
     # Which view is shown, per browser.
 

@@ -35,6 +35,8 @@ class Announcer:
             if notice.id <= self._told:
                 continue
             self._told = notice.id
+            if notice.instead is not None:
+                continue  # The prompt gives the reason and the picture shows the better place: see there.
             self._recent = [t for t in self._recent if now - t < 1.0]
             if len(self._recent) >= NOTICES_PER_SECOND:
                 continue

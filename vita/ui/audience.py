@@ -10,6 +10,7 @@ import viser
 
 from vita.snapshot import Snapshot
 from vita.types import Visual
+from vita.ui import pointer
 from vita.ui.board import Board
 from vita.ui.panels.view import Display
 from vita.ui.safe import log
@@ -68,7 +69,13 @@ class Audience:
             board.build_world(meshes, snapshot.scenario.camera, revision)
             board.show(snapshot, self.encoder.encode(snapshot) if board.mode == "cameras" else {})
 
-        stream = Stream(client, self._wait_newer, show, lambda: self.display.fps)
+        def told(text: str | None) -> None:
+            board.hover = pointer.place_of(text)
+
+        pointer.install(client)
+        stream = Stream(
+            client, self._wait_newer, show, lambda: self.display.fps, told, pointer.key_of(client)
+        )
         self._streams[client.client_id] = stream
 
     def _left(self, client: viser.ClientHandle) -> None:

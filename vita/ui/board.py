@@ -19,8 +19,11 @@ from vita.ui.compose import Composer
 from vita.ui.labels import LabelPool
 from vita.ui.layout import Layout, arrange
 from vita.ui.lens import Lens
+from vita.ui.loupe import PointerLoupe
 from vita.ui.overlay import draw
 from vita.ui.picking import Picking
+from vita.ui.pointer import hold_still
+from vita.ui.trails import Trails
 from vita.ui.view_nodes import ViewNodes
 from vita.ui.world3d import Mesh, World3D
 
@@ -45,7 +48,7 @@ class Board:
         composer: Composer,
         guard: Callable[[Callable[[Any], None]], Callable[[Any], Any]],
         on_pick: Callable[[str, tuple[float, float], str | None], None],
-        on_move: Callable[[str, tuple[float, float]], None],
+        on_move: Callable[[str, tuple[float, float], tuple[float, float] | None], None],
         on_miss: Callable[[Any], None],
     ) -> None:
         self._client, self._composer, self._guard = client, composer, guard
@@ -56,14 +59,19 @@ class Board:
         self.snapshot: Snapshot | None = None
         self.mode: Mode = "cameras"
         self.pane = True
+        self.hover: tuple[float, float] | None = None
+        """Where the pointer rests over the pictures (0 to 1 each), as the browser told last."""
+        self.loupe = PointerLoupe(client.scene)
+        self._trails = Trails()
         self._views: dict[str, ViewNodes] = {}
         self._closeup: str | None = None
         self._jobs: deque[Callable[[], None]] = deque()
         scene = client.scene
         # It catches clicks and drags beside the pictures. As a wireframe it costs nothing to draw: only
-        # its far edges are; a transparent sheet halves the display rate where there is no GPU.
+        # its far edges are; a transparent sheet halves the display rate where there is no GPU. Its face
+        # turns away, because viser paints what is hovered yellow, from behind.
         self._backdrop = scene.add_mesh_simple(
-            "/backdrop", BESIDE, np.array([[0, 1, 2]]), color=(255, 255, 255), wireframe=True, side="double",
+            "/backdrop", BESIDE, np.array([[0, 2, 1]]), color=(255, 255, 255), wireframe=True, side="double",
             cast_shadow=False, receive_shadow=False, position=(0.0, 0.0, 4000.0),
         )
         self._backdrop.on_click(guard(on_miss))
@@ -91,15 +99,39 @@ class Board:
         if self.mode == "world":
             self._big.update(snapshot.poses)
             return
-        unit = self.lens.unit()
+        unit, aim = self.lens.unit(), self._aim()
+        self._magnify(snapshot, aim, unit)
+        self._trails.add(snapshot)
         for name, view in self._views.items():
             if name in encoded:
                 view.show_picture(encoded[name])
             cell = self.layout.cells[name]
-            drawing = draw(name, cell, snapshot, self._composer, unit / cell.scale, self.picking.dragged)
+            drawing = draw(
+                name, cell, snapshot, self._composer, unit / cell.scale, self.picking.dragged, self._trails,
+                aim[1] if aim is not None and aim[0] == name else None,
+            )
+            covered = self.loupe.box
+            if covered is not None:  # labels would shine through the loupe
+                drawing.tags = [t for t in drawing.tags if not covered.holds(*cell.to_board(*t.uv))]
             view.stroke(cell, drawing, unit / cell.scale)
         if self.layout.pane is not None and self.pane:
             self._small.update(snapshot.poses)
+
+    def _aim(self) -> tuple[str, tuple[float, float]] | None:
+        """The camera and the pixel that are being chosen: by a hand that holds the button down, or by
+        a pointer that has a tool in hand."""
+        if self.picking.aim is not None:
+            return self.picking.aim
+        if self._composer.composing and self.hover is not None:
+            return self.picking.hovered(self.hover)
+        return None
+
+    def _magnify(self, snapshot: Snapshot, aim: tuple[str, tuple[float, float]] | None, unit: float) -> None:
+        if aim is None or aim[0] not in snapshot.frames or self.layout is None:
+            self.loupe.hide()
+            return
+        board = self.layout.cells[aim[0]].to_board(*aim[1])
+        self.loupe.show(aim[0], snapshot.frames[aim[0]], aim[1], board, self.lens.screen_at(*board), unit)
 
     def build_world(self, meshes: Sequence[Mesh], cameras: Sequence[CameraSpec], revision: int) -> None:
         """Load the meshes of a (new) rig into both 3D views."""
@@ -176,6 +208,7 @@ class Board:
         if mode == self.mode:
             return
         self.mode = mode
+        hold_still(self._client, mode == "cameras")
         if mode == "cameras":
             self.fit()
             return
@@ -192,7 +225,7 @@ class Board:
             self._rearrange(self._sizes())
 
     async def _camera_moved(self, camera: viser.CameraHandle) -> None:
-        """Refit when the window changes; undo what arrow keys and orbiting do to a straight view."""
+        """Refit when the window changes; put a view straight again that has been turned all the same."""
         if self.mode != "cameras" or self.layout is None:
             return
         if self.lens.reshaped:

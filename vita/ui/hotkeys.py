@@ -1,4 +1,5 @@
-"""Keys and the command palette (Ctrl+K). W A S D Q E and the arrows alone belong to viser's camera."""
+"""Keys and the command palette (Ctrl+K). W A S D Q E belong to viser's camera; the arrows are taken from it
+(`vita.ui.pointer`)."""
 
 from __future__ import annotations
 
@@ -35,7 +36,10 @@ def add_hotkeys(app: App) -> None:
     key("Place trackers", "T", lambda event: composer.arm(TRACKER))
     key("Select", "X", lambda event: composer.arm(SELECT))
     for name, du, dv in (("left", -1, 0), ("right", 1, 0), ("up", 0, -1), ("down", 0, 1)):
-        key(
-            f"Nudge {name} by a pixel", f"arrow{name}", lambda event, u=du, v=dv: actions.nudge(u, v), "shift"
-        )
+        for step, modifier, words in ((1.0, None, "a pixel"), (0.1, "shift", "a tenth of a pixel")):
+            key(
+                f"Nudge {name} by {words}", f"arrow{name}",
+                lambda event, u=du * step, v=dv * step: actions.nudge(event, u, v), modifier,
+                text="Moves the selected tracker.",
+            )
     key("Reset the simulated arm", "R", lambda event: actions.submit(c.ResetArm()), "shift")

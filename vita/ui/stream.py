@@ -21,7 +21,6 @@ from vita.types import Image
 from vita.ui.safe import log
 
 ROUND_TRIP_TIMEOUT_S = 2.0
-KEY = "vita-pace"
 
 
 class Encoder:
@@ -54,8 +53,12 @@ class Stream:
         wait_newer: Callable[[int, float], Snapshot | None],
         show: Callable[[Snapshot], None],
         fps: Callable[[], float],
+        told: Callable[[str | None], None],
+        key: str,
     ) -> None:
+        """`told` is handed what the browser keeps under `key` of its storage, once per picture."""
         self._client, self._wait_newer, self._show, self._fps = client, wait_newer, show, fps
+        self._told, self._key = told, key
         self._stopped = threading.Event()
         self._trips: deque[float] = deque([0.02], maxlen=9)
         self._sent: deque[float] = deque(maxlen=30)
@@ -87,8 +90,9 @@ class Stream:
                 if self._stopped.is_set():
                     return
                 asked = time.monotonic()
-                self._client.local_storage.get_item(KEY, timeout=ROUND_TRIP_TIMEOUT_S)
+                answer = self._client.local_storage.get_item(self._key, timeout=ROUND_TRIP_TIMEOUT_S)
                 self._trips.append(time.monotonic() - asked)
+                self._told(answer)
             except TimeoutError:
                 self._trips.append(ROUND_TRIP_TIMEOUT_S)
             except RuntimeError:

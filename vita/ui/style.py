@@ -45,6 +45,16 @@ display:flex;justify-content:space-between}
 .vita label{cursor:pointer}
 .vita label.x{color:#98a2b3;padding:0 4px;font-size:16px;line-height:1;border-radius:4px}
 .vita label.x:hover{color:#dc2626;background:#fee4e2}
+.vita .quality{width:34px;height:5px;border-radius:3px;background:#e4e7ec;flex:none;overflow:hidden}
+.vita .quality i{display:block;height:100%}
+.vita .lost{background:#fef3f2;color:#b42318;font-size:12px;padding:1px 8px 4px 26px}
+.vita .pair{display:flex;gap:10px;align-items:flex-start}
+.vita .loupe{position:relative;width:152px;height:104px;flex:none;border-radius:4px;overflow:hidden}
+.vita .loupe img,.vita .loupe svg{position:absolute;inset:0;width:100%;height:100%}
+.vita .loupe img{image-rendering:pixelated}
+.vita .keys{font-size:11.5px}
+.vita .take{color:#fff;background:#16a34a;border-radius:6px;padding:1px 9px;font-weight:600;
+display:inline-block;margin-top:3px}
 .vita .empty{padding:8px 10px;color:#667085}
 """
 
@@ -85,6 +95,19 @@ def side_by_side(buttons: Iterable[viser.GuiButtonHandle], columns: int) -> str:
             f"margin:0!important;padding:0 {right}px 5px {left}px!important;box-sizing:border-box}}"
         )
     return rules
+
+
+def inputs_side_by_side(inputs: Iterable[viser.GuiDropdownHandle]) -> str:
+    """Two dropdowns in a row, with labels as narrow as their words."""
+    outer, label = [], []
+    for handle in inputs:
+        name = f'label[for="{handle._impl.uuid}"]'
+        outer.append(f"div:has(> div > div > p > {name})")
+        label.append(f"div:has(> p > {name})")
+    return (
+        f"{','.join(outer)}{{display:inline-block;width:50%;box-sizing:border-box;margin:0!important;"
+        f"padding:0 10px 5px!important}}{','.join(label)}{{width:auto!important;padding-right:6px!important}}"
+    )
 
 
 def hidden(buttons: Iterable[viser.GuiButtonHandle]) -> str:

@@ -18,10 +18,12 @@ PLACES: dict[str, tuple[tuple[float, float, str], ...]] = {
     "name": (
         (11, -8, "bottom-left"), (11, 8, "top-left"), (-11, 8, "top-right"), (-11, -8, "bottom-right"),
         (15, 0, "center-left"), (-15, 0, "center-right"), (0, -34, "bottom-center"), (0, 34, "top-center"),
+        (24, 36, "top-left"), (-24, 36, "top-right"), (24, -36, "bottom-left"), (-24, -36, "bottom-right"),
     ),
     "goal": (
         (-14, 0, "center-right"), (-11, -9, "bottom-right"), (-11, 9, "top-right"), (14, 0, "center-left"),
         (11, 9, "top-left"), (11, -9, "bottom-left"), (0, 34, "top-center"), (0, -34, "bottom-center"),
+        (24, 56, "top-left"), (-24, 56, "top-right"), (24, -56, "bottom-left"), (-24, -56, "bottom-right"),
     ),
     "value": (
         (0, 15, "top-center"), (0, -15, "bottom-center"), (15, 0, "center-left"), (-15, 0, "center-right"),

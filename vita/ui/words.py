@@ -6,6 +6,7 @@ import base64
 import html
 from dataclasses import dataclass
 
+from vita.constraints import constraint_of
 from vita.types import Status
 
 Rgb = tuple[int, int, int]
@@ -17,6 +18,7 @@ BLUE: Rgb = (37, 99, 235)
 RED: Rgb = (220, 38, 38)
 INK: Rgb = (24, 32, 44)
 WHITE: Rgb = (255, 255, 255)
+AMBER: Rgb = (217, 140, 0)
 GREY: Rgb = (120, 130, 145)
 TEAL: Rgb = (13, 118, 110)
 
@@ -33,6 +35,11 @@ class Kind:
     asks: tuple[str, ...]
     """What to click, one sentence per click."""
     meaning: str
+
+    @property
+    def lines(self) -> tuple[int, ...]:
+        """The clicks with which a line begins, counted from 0."""
+        return tuple(a for a, _ in constraint_of(self.key).lines()) if self.roles else ()
 
 
 KINDS: tuple[Kind, ...] = (
@@ -67,6 +74,23 @@ PALETTE: tuple[Rgb, ...] = (
     (13, 148, 136), (147, 51, 234), (190, 80, 30), (90, 100, 115),
 )
 
+FOLLOW: dict[str, tuple[str, str]] = {
+    "auto": ("Automatic", "Looks at the spot and picks what suits it; the tracker's card says what it was."),
+    "patch": ("Patch", "A small flat piece of surface with some texture. The most exact."),
+    "point": ("Point", "A corner or speck too small for a patch."),
+    "line": ("Image edge", "A straight edge between two clicks; it sticks to the edge. Two clicks."),
+    "ellipse": ("Ellipse", "The middle of a round hole, ring or disc."),
+    "blob": ("Blob", "The middle of a spot of one colour."),
+    "marker": ("Marker", "A printed ArUco or AprilTag marker, by its number: never mixed up with another."),
+    "redetect": ("Finds again", "Learns many features of a thing and finds it again wherever it comes back."),
+    "fixed": ("Fixed pixel", "Stays where it is in the picture, whatever moves there."),
+}
+"""Tracker kind to its label and a sentence about when to choose it."""
+
+LINE_POINTS = "Two points"
+LINE_EDGE = "Image edge"
+LOST_ADVICE = "It looks for itself; or drag it onto its feature, or delete it."
+
 GOAL_FIXED = "Fixed on the image"
 GOAL_AUTO = "Follows what is there"
 
@@ -80,6 +104,30 @@ CHIP: dict[str, tuple[str, Rgb]] = {
     "fault": ("Fault", RED),
     "estop": ("Emergency stop", RED),
 }
+
+
+DEGRADED = ("Moving at half speed", AMBER)
+"""The chip while the arm goes on without a lost tracker."""
+
+
+def follow_label(kind: str) -> str:
+    """What a tracker kind is called; kinds that are new to the page go by their own name."""
+    return FOLLOW[kind][0] if kind in FOLLOW else kind
+
+
+def placing(kind: str, begun: bool) -> str:
+    """What to click to place a tracker of a kind; `begun` once one end of a line has been clicked."""
+    if kind == "line":
+        return "Click the edge's other end." if begun else "Click one end of a straight edge."
+    return f"Click in a view to place one. {FOLLOW[kind][1] if kind in FOLLOW else ''}".strip()
+
+
+def quality(score: float) -> Rgb:
+    """Green for a tracker that is sure of its target, over amber, to red."""
+    share = 0.0 if score != score else min(max((score - 0.3) / 0.6, 0.0), 1.0)
+    low, high, part = (RED, AMBER, 2 * share) if share < 0.5 else (AMBER, GREEN, 2 * share - 1)
+    red, green, blue = (round(a + part * (b - a)) for a, b in zip(low, high, strict=True))
+    return red, green, blue
 
 
 def hexed(color: Rgb) -> str:

@@ -7,7 +7,20 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from vita.snapshot import Snapshot
-from vita.ui.words import GREEN, GREY, RED, TEAL, Rgb, hexed, kind_of, pixels, safe
+from vita.types import Feature
+from vita.ui.words import (
+    GREY,
+    LOST_ADVICE,
+    RED,
+    TEAL,
+    Rgb,
+    follow_label,
+    hexed,
+    kind_of,
+    pixels,
+    quality,
+    safe,
+)
 
 Ids = Callable[[int, str], tuple[str, str]]
 """(row, name) to the ids of the buttons that select and delete it."""
@@ -23,13 +36,15 @@ def _list(title: str, count: int, rows: Sequence[str], empty: str) -> str:
 
 
 def _row(
-    sign: str, title: str, about: str, value: str, ids: tuple[str, str], on: bool, hint: str = ""
+    sign: str, title: str, about: str, value: str, ids: tuple[str, str], on: bool, hint: str = "",
+    extra: str = "",
 ) -> str:
+    """`extra` is HTML between the words and the value."""
     pick, drop = ids
     return (
         f'<div class="item{" on" if on else ""}">{sign}'
         f'<label class="grow" for="{pick}" title="{safe(hint)}"><b>{safe(title)}</b> '
-        f'<span class="dim">{safe(about)}</span></label><span class="num">{safe(value)}</span>'
+        f'<span class="dim">{safe(about)}</span></label>{extra}<span class="num">{safe(value)}</span>'
         f'<label class="x" for="{drop}" title="Delete">×</label></div>'
     )
 
@@ -38,21 +53,36 @@ def _sign(shape: str, color: Rgb) -> str:
     return f'<span class="{shape}" style="background:{hexed(color)}"></span>'
 
 
+def quality_bar(feature: Feature) -> str:
+    """A small bar: how well the tracker recognises its target."""
+    share = min(max(feature.score, 0.0), 1.0)
+    return (
+        f'<span class="quality" title="Quality {100 * share:.0f} %: how well it recognises its target">'
+        f'<i style="width:{100 * share:.0f}%;background:{hexed(quality(share))}"></i></span>'
+    )
+
+
 def trackers(snapshot: Snapshot, selected: str | None, ids: Ids) -> str:
-    """One row per tracker: whether it is seen, its camera, kind and place."""
+    """One row per tracker: its camera, kind, quality and place; and what to do if it is lost."""
     rows = []
     for index, spec in enumerate(snapshot.scenario.tracker):
         feature = snapshot.features.get(spec.name)
         lost = feature is not None and not feature.ok
-        color = RED if lost else TEAL if spec.kind == "fixed" else GREEN
+        color = RED if lost else TEAL if spec.kind == "fixed" else quality(feature.score if feature else 1.0)
         at = feature.uv if feature is not None else spec.at
         where = f"{at[0]:.1f}, {at[1]:.1f}" if at is not None else ""
-        about = f"{spec.camera} · {'lost' if lost else spec.kind}"
+        about = f"{spec.camera} · {'lost' if lost else follow_label(spec.kind)}"
         hint = feature.detail if feature is not None else ""
-        rows.append(
-            _row(_sign("dot", color), spec.name, about, where, ids(index, spec.name),
-                 selected == spec.name, hint)
+        follows = feature is not None and spec.kind != "fixed" and not lost
+        bar = quality_bar(feature) if feature is not None and follows else ""
+        row = _row(
+            _sign("dot", color), spec.name, about, where, ids(index, spec.name), selected == spec.name,
+            hint, bar,
         )
+        if lost:
+            why = f"{spec.name} lost: {hint}." if hint else f"{spec.name} is lost."
+            row += f'<div class="lost"><b>{safe(why)}</b> {LOST_ADVICE}</div>'
+        rows.append(row)
     return _list("Trackers", len(rows), rows, "None yet. Your clicks make them.")
 
 

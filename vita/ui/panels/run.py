@@ -13,7 +13,7 @@ from vita.snapshot import Snapshot
 from vita.types import MOVING_STATES
 from vita.ui import style
 from vita.ui.panels.base import Desk, Html
-from vita.ui.words import CHIP, GREEN, RED, explain, hexed, pixels, safe
+from vita.ui.words import CHIP, DEGRADED, GREEN, RED, explain, hexed, pixels, safe
 
 SPACE_GUARD_S = 0.5
 START_LABELS = {"offline": "Restart", "fault": "Acknowledge", "estop": "Reset"}
@@ -93,7 +93,7 @@ class RunPanel:
 
     def update(self, snapshot: Snapshot) -> None:
         state, scenario = snapshot.status.state, snapshot.scenario
-        text, color = CHIP.get(state, (state, RED))
+        text, color = DEGRADED if snapshot.status.degraded else CHIP.get(state, (state, RED))
         reason = explain(
             snapshot.status, len(scenario.tracker), len(scenario.constraint), snapshot.progress
         )

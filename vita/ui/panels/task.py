@@ -2,32 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import viser
 
 from vita import commands as c
-from vita.errors import BadInput
+from vita.errors import BadInput, UnknownName
 from vita.snapshot import Snapshot
 from vita.ui import style
 from vita.ui.compose import SELECT, TRACKER
 from vita.ui.panels import lists
 from vita.ui.panels.base import Desk, Html
 from vita.ui.panels.rows import RowButtons
+from vita.ui.panels.selected import selected_card
 from vita.ui.safe import number, short_text
 from vita.ui.words import (
+    FOLLOW,
     GOAL_AUTO,
     GOAL_FIXED,
     GREEN,
     GREY,
     INK,
     KINDS,
+    LINE_EDGE,
+    LINE_POINTS,
     TEAL,
+    follow_label,
     hexed,
     safe,
 )
+from vita.vision import TRACKER_KINDS
 
+TAKE_HINT = "Use the nearest good place"
 HINT = """<div class="vita"><div class="card hint"><b>Make the arm move</b><ol>
 <li>Pick <b>Point → Point</b> above.</li>
 <li>Click the card on the arm, then the orange ball. In both views.</li>
@@ -37,8 +44,12 @@ COLORS = {**{kind.key: kind.color for kind in KINDS}, TRACKER: GREEN, SELECT: IN
 
 class TaskPanel:
     def __init__(self, desk: Desk, show_me: Callable[[Any], None]) -> None:
-        self._desk = desk
+        self._desk, composer = desk, desk.composer
         self._constraint: str | None = None
+        self._place_kinds = {follow_label(kind): kind for kind in TRACKER_KINDS}
+        self._follow_kinds = {
+            label: kind for label, kind in self._place_kinds.items() if kind not in ("fixed", "line")
+        }
         self._editing: str | None = None
         gui, guard = desk.gui, desk.guard
         Html(gui, style.TABS_MARK)
@@ -51,6 +62,8 @@ class TaskPanel:
         for key, button in self._tools.items():
             button.on_click(guard(lambda event, key=key: desk.composer.arm(key)))
         self._prompt = Html(gui)
+        self._take = gui.add_button(TAKE_HINT)
+        self._take.on_click(guard(lambda event: composer.accept(desk.snapshot())))
         self._show_me = gui.add_button(
             "Show me an example", icon=viser.Icon.SPARKLES,
             hint="Loads a finished task; then press Start.",
@@ -61,6 +74,13 @@ class TaskPanel:
             hint="Whether a goal stays at its pixel or follows the image there.",
         )
         self._goal.on_update(guard(self._set_goal))
+        self._follow = self._kinds(self._follow_kinds, lambda kind: setattr(composer, "follow", kind))
+        self._place = self._kinds(self._place_kinds, lambda kind: setattr(composer, "place", kind))
+        self._line = gui.add_dropdown(
+            "Line", (LINE_POINTS, LINE_EDGE), visible=False,
+            hint="Through two points that are followed, or along the image edge between the two clicks.",
+        )
+        self._line.on_update(guard(self._set_line))
         self._constraints, self._trackers = Html(gui), Html(gui)
         self._name = gui.add_text("Name", "", visible=False, hint="A new name for the selected tracker.")
         self._name.on_update(guard(self._rename))
@@ -93,17 +113,15 @@ class TaskPanel:
         if self._show_me.visible != empty:
             self._show_me.visible = empty
         kind = composer.kind
-        color = kind.color if kind else TEAL if composer.composing else GREY
-        title, ask = composer.prompt(tuple(cam.name for cam in scenario.camera))
-        note = f'<div class="warn">{safe(composer.note)}</div>' if composer.note else ""
-        self._prompt.show(
-            HINT if empty and not composer.composing else
-            f'<div class="vita"><div class="card prompt" style="border-left-color:{hexed(color)}">'
-            f"<b>{safe(title)}</b> <span>{safe(ask)}</span>{note}</div></div>"
-        )
-        shown = kind is not None and "goal" in kind.roles
-        if self._goal.visible != shown:
-            self._goal.visible = shown
+        self._prompt.show(HINT if empty and not composer.composing else self._prompted(snapshot))
+        for handle, shown in (
+            (self._goal, kind is not None and "goal" in kind.roles),
+            (self._follow, kind is not None),
+            (self._place, composer.tool == TRACKER),
+            (self._line, kind is not None and bool(kind.lines)),
+        ):
+            if handle.visible != shown:
+                handle.visible = shown
         self._trackers.show(lists.trackers(snapshot, composer.selected, self._tracker_rows.ids))
         self._constraints.show(
             lists.constraints(snapshot, self._constraint, self._constraint_rows.ids)
@@ -121,9 +139,40 @@ class TaskPanel:
                 style.filled(self._show_me, TEAL),
                 style.side_by_side((self._undo, self._redo, self._clear, self._reset), 4),
                 style.plain((self._undo, self._redo, self._clear, self._reset)),
-                self._tracker_rows.css(), self._constraint_rows.css(),
+                style.inputs_side_by_side((self._goal, self._follow, self._line)),
+                style.hidden((self._take,)), self._tracker_rows.css(), self._constraint_rows.css(),
             )
         )
+
+    def _prompted(self, snapshot: Snapshot) -> str:
+        """What to do next, or the card of the selected tracker; and what to do after a refusal."""
+        composer = self._desk.composer
+        kind, selected = composer.kind, composer.selected
+        note = f'<div class="warn">{safe(composer.note)}</div>' if composer.note else ""
+        if composer.hint is not None:
+            note += f'<label class="take" for="{self._take._impl.uuid}">{TAKE_HINT}</label>'
+        if selected is not None and not composer.composing:
+            extra = f'<div class="vita"><div class="card">{note}</div></div>' if composer.hint else ""
+            return selected_card(snapshot, selected) + extra
+        color = kind.color if kind else TEAL if composer.composing else GREY
+        title, ask = composer.prompt(tuple(cam.name for cam in snapshot.scenario.camera))
+        return (
+            f'<div class="vita"><div class="card prompt" style="border-left-color:{hexed(color)}">'
+            f"<b>{safe(title)}</b> <span>{safe(ask)}</span>{note}</div></div>"
+        )
+
+    def _kinds(self, kinds: Mapping[str, str], choose: Callable[[str], None]) -> Any:
+        """A dropdown of tracker kinds, each by its name for people; the hint tells them apart."""
+        about = "\n".join(f"{name}: {FOLLOW[kind][1]}" for name, kind in kinds.items() if kind in FOLLOW)
+        handle = self._desk.gui.add_dropdown("Follow by", tuple(kinds), visible=False, hint=about)
+
+        def chosen(event: Any) -> None:
+            if event.target.value not in kinds:
+                raise UnknownName("tracker kind", event.target.value, kinds)
+            choose(kinds[event.target.value])
+
+        handle.on_update(self._desk.guard(chosen))
+        return handle
 
     def _edit_fields(self, snapshot: Snapshot) -> None:
         selected = self._desk.composer.selected
@@ -155,6 +204,12 @@ class TaskPanel:
         if choice not in (GOAL_FIXED, GOAL_AUTO):
             raise BadInput(f"choose {GOAL_FIXED} or {GOAL_AUTO}", "goal")
         self._desk.composer.goal = "fixed" if choice == GOAL_FIXED else "auto"
+
+    def _set_line(self, event: Any) -> None:
+        choice = event.target.value
+        if choice not in (LINE_POINTS, LINE_EDGE):
+            raise BadInput(f"choose {LINE_POINTS} or {LINE_EDGE}", "line")
+        self._desk.composer.edge = choice == LINE_EDGE
 
     def _rename(self, event: Any) -> None:
         old = self._desk.composer.selected
