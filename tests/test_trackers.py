@@ -188,7 +188,7 @@ def test_a_click_outside_the_frame_is_refused(kind, place):
     with pytest.raises(BadInput):
         make_tracker(kind, frame, place)
     with pytest.raises(BadInput, match="320 x 240"):
-        make_tracker(kind, frame, [400.0, 20.0])
+        make_tracker(kind, frame, [400.0, 20.0], to=[100.0, 100.0] if kind == "line" else None)
 
 
 def test_unknown_kinds_and_sizes_are_refused_with_the_choices():

@@ -64,30 +64,41 @@ def to_gray(frame: Image) -> NDArray[np.uint8]:
 
 
 class Crop:
-    """A grey part of a frame, with its blurred versions made once."""
+    """A part of a frame, with its grey and blurred versions made once and only when asked for."""
 
-    def __init__(self, gray: NDArray[np.uint8], origin: Array) -> None:
-        """`gray` (h, w) has its top-left pixel at `origin` (2,) of the frame."""
-        self.gray, self.origin = gray, origin
+    def __init__(self, raw: NDArray[np.uint8], origin: Array) -> None:
+        """`raw` (h, w) or (h, w, 3) has its top-left pixel at `origin` (2,) of the frame."""
+        self.raw, self.origin = raw, origin
+        self._into = np.array([[1.0, 0.0, -origin[0]], [0.0, 1.0, -origin[1]], [0.0, 0.0, 1.0]])
+        self._gray: NDArray[np.uint8] | None = None
         self._blurred: dict[float, Gray] = {}
 
     @classmethod
     def cut(cls, frame: Image, points: Array, margin: float) -> Crop:
         """The part of a frame that holds `points` (k, 2) [px] and `margin` [px] around them."""
         (x0, x1), (y0, y1) = _span(points, margin, frame.shape)
-        # The copy matters for grey frames: a view would change with the caller's buffer.
-        return cls(to_gray(frame[y0:y1, x0:x1]).copy(), np.array([x0, y0], dtype=np.float64))
+        # The copy matters: a view would change with the caller's buffer.
+        return cls(frame[y0:y1, x0:x1].copy(), np.array([x0, y0], dtype=np.float64))
 
     def part(self, points: Array, margin: float) -> Crop:
-        """The same for a part of this crop: blurring less is most of the saving."""
-        (x0, x1), (y0, y1) = _span(points - self.origin, margin, self.gray.shape)
-        return Crop(self.gray[y0:y1, x0:x1], self.origin + (x0, y0))
+        """The same for a part of this crop: converting and blurring less is most of the saving."""
+        (x0, x1), (y0, y1) = _span(points - self.origin, margin, self.raw.shape)
+        return Crop(self.raw[y0:y1, x0:x1], self.origin + (x0, y0))
+
+    @property
+    def gray(self) -> NDArray[np.uint8]:
+        """(h, w)."""
+        if self._gray is None:
+            self._gray = to_gray(self.raw)
+        return self._gray
 
     def blurred(self, sigma: float) -> Gray:
         """(h, w) float32, Gaussian blur of `sigma` [px]."""
         if sigma not in self._blurred:
             gray = self.gray.astype(np.float32)
-            blurred = cv2.GaussianBlur(gray, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
+            # A kernel that ends at 2.5 sigma: template and image get the same, and it costs half.
+            side = 2 * round(2.5 * sigma) + 1
+            blurred = cv2.GaussianBlur(gray, (side, side), sigma, borderType=cv2.BORDER_REPLICATE)
             self._blurred[sigma] = np.asarray(blurred, dtype=np.float32)
         return self._blurred[sigma]
 
@@ -96,12 +107,8 @@ class Crop:
 
         `warp` is a (3, 3) homography from grid indices to pixels of the whole frame.
         """
-        local = warp.copy()
-        local[0] -= self.origin[0] * warp[2]
-        local[1] -= self.origin[1] * warp[2]
-        return cv2.warpPerspective(
-            image, local, (n, n), flags=_SAMPLING, borderMode=cv2.BORDER_REPLICATE
-        )  # type: ignore[return-value]
+        local = self._into @ warp
+        return cv2.warpPerspective(image, local, (n, n), flags=_SAMPLING, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[return-value]
 
 
 def _span(points: Array, margin: float, shape: tuple[int, ...]) -> list[tuple[int, int]]:

@@ -23,7 +23,7 @@ def carry(before: Crop, after: Crop, warp: Array) -> Array | None:
     # Both crops need the same origin and size for the flow: the smaller is cut from either.
     low = np.maximum(before.origin, after.origin).astype(int)
     high = np.minimum(
-        before.origin + before.gray.shape[::-1], after.origin + after.gray.shape[::-1]
+        before.origin + np.array(before.raw.shape[1::-1]), after.origin + np.array(after.raw.shape[1::-1])
     ).astype(int)
     if np.any(high - low < 16):
         return None

@@ -9,7 +9,7 @@ from vita.types import Array, Image
 from vita.vision import warps
 from vita.vision.images import Gray, to_gray
 
-_CELLS = 16
+_CELLS = 12
 """Side of the target at the resolution of the search [pixels]."""
 
 

@@ -22,6 +22,8 @@ ENOUGH = 2.0
 """Least score; camera noise of 2 grey levels alone scores about 0.25 [grey^2/px^2]."""
 GOOD = 25.0
 """Score at which the smallest region is large enough [grey^2/px^2]."""
+EDGE = 4.0
+"""Larger eigenvalue from which on there is an edge, though in one direction only [grey^2/px^2]."""
 _BLUR = 0.9
 
 
@@ -43,7 +45,7 @@ def choose_region(frame: Image, uv: Array, size_px: float | None) -> tuple[Array
     if fitting is not None:
         return fitting
     suggestion = _nearest_good(frame, uv, sizes or (float(room),))
-    reason = "nothing to hold on to here: the picture is too even, or changes in one direction only."
+    reason = f"nothing to hold on to here: {_why(frame, uv, sizes or (float(room),))}."
     hint = (
         "Nowhere in this picture is better."
         if suggestion is None
@@ -51,6 +53,16 @@ def choose_region(frame: Image, uv: Array, size_px: float | None) -> tuple[Array
     )
     place = None if suggestion is None else (float(suggestion[0]), float(suggestion[1]))
     raise Untrackable(f"{reason} {hint}", suggestion=place)
+
+
+def _why(frame: Image, uv: Array, sizes: tuple[float, ...]) -> str:
+    """What is wrong with a place: nothing to be seen, or one straight edge."""
+    low = np.maximum(np.floor(uv - sizes[-1] / 2), 0).astype(int)
+    high = np.ceil(uv + sizes[-1] / 2).astype(int) + 1
+    xx, xy, yy = (float(g.mean()) for g in _gradients(frame[low[1] : high[1], low[0] : high[0]]))
+    if xx + yy - float(_smaller_eigenvalue(xx, xy, yy)) > EDGE:
+        return "one straight edge, which a point slides along; a line tracker would hold it"
+    return "the picture is blank"
 
 
 def _fitting(frame: Image, uv: Array, sizes: tuple[float, ...]) -> tuple[Array, float] | None:

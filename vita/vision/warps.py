@@ -7,6 +7,8 @@ projective), see `motions`, so that one set of formulas serves every number of d
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from vita.types import Array
@@ -23,6 +25,12 @@ def square(center: Array, half: float) -> Array:
 def shift(by: Array) -> Array:
     """The warp that moves everything by (2,) `by` [px]."""
     return np.array([[1.0, 0.0, by[0]], [0.0, 1.0, by[1]], [0.0, 0.0, 1.0]])
+
+
+def turned(turn: float, scale: float) -> Array:
+    """The warp that turns by `turn` [rad] and scales about the origin."""
+    c, s = scale * math.cos(turn), scale * math.sin(turn)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def motions(x: Array, y: Array) -> Array:
