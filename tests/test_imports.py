@@ -54,7 +54,8 @@ def test_constraints_and_servo_import_only_numbers_and_plain_types(path: Path) -
 
 
 @pytest.mark.parametrize(
-    ("package", "home"), [("viser", {"ui"}), ("pybullet", {"sim"}), ("cv2", {"vision", "sim", "ui", "tracking"})]
+    ("package", "home"),
+    [("viser", {"ui"}), ("pybullet", {"sim"}), ("cv2", {"vision", "sim", "ui", "tracking"})],
 )
 def test_only_its_own_room_imports(package: str, home: set[str]) -> None:
     offenders = [str(f.relative_to(PACKAGE)) for f in FILES if room(f) not in home and uses(f, package)]

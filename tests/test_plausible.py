@@ -12,7 +12,7 @@ from vita.plausible import MotionCheck, Verdict
 from vita.types import Feature, frozen
 
 NAMES = ("a", "b", "c", "goal")
-CAMERAS = dict.fromkeys(NAMES, "left")
+CAMERAS: dict[str, str] = dict.fromkeys(NAMES, "left")
 
 
 class Arm:

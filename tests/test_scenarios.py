@@ -70,7 +70,7 @@ def test_every_kind_of_constraint_and_every_way_to_hold_a_camera_ships() -> None
 
 def test_a_task_with_rows_to_spare_goes_on_while_a_tracker_is_covered() -> None:
     record = record_of("half_hidden")
-    hidden = ~record.seen.all(axis=1)
+    hidden = np.asarray(~record.seen.all(axis=1))
     assert hidden.sum() > 10 and record.command[hidden].any(axis=1).all()
     steps = np.abs(np.diff(record.q, axis=0))[hidden[:-1]]
     # The first steps of the loss still brake from full speed.

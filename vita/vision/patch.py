@@ -17,14 +17,16 @@ from vita.vision.texture import choose_region
 
 SURE = 0.97
 """A plain fit that correlates this well needs no second look."""
-GOOD_SCORE, GOOD_SHARE = 0.92, 0.5
+GOOD_SCORE, GOOD_SHARE = 0.92, 0.55
 """A robust fit is taken from this weighted correlation and share of agreeing pixels on."""
 FAIR_SCORE, FAIR_SHARE = 0.8, 0.4
 """A fit this good is taken for at most `PATIENCE` frames on end: a blurred frame, a passing shadow."""
 FOUND_SCORE, FOUND_SHARE = 0.95, 0.92
 """What a lost target must reach to count as found again: stricter, since it may be anywhere."""
 NEAR_SHARE = 0.6
-"""The same for the share, near the place where it was lost."""
+"""The same for the share, near the place where it was lost just now."""
+JUST_GONE, LONG_GONE = 10, 60
+"""Frames for which a target is just gone; and after which it is sought less often."""
 PATIENCE = 2
 STILL = 0.03
 """Surprise in the last motion, over the side, below which the coarse level has nothing to add."""
@@ -85,6 +87,8 @@ class PatchTracker:
         crop = Crop.cut(frame, warps.corners(t.warp), _margin(t.side, t.velocity))
         again = t.missing > 0
         fit = self._follow(crop) if t.missing <= PATIENCE else None
+        if again and fit is not None and not self._found(fit):
+            fit = None
         if fit is None or not self._good(fit) or self._leaps(fit):
             fit = None if fit is not None and self._leaps(fit) else fit
             found, found_crop = self._search(frame)
@@ -234,14 +238,13 @@ class PatchTracker:
         # A search costs more than tracking does, so a target that stays away is sought less often.
         # Trackers that were lost together take turns.
         beat = t.missing + int(t.click.sum())
-        if t.missing > 4 and beat % 2:
+        if t.missing > 4 and beat % (2 if t.missing < LONG_GONE else 3):
             return None, None
         radius = t.side * (1.0 + 0.5 * t.missing)
-        # It may have turned or come nearer meanwhile: every third search is for one of those.
-        turn = beat // 2
-        turned = t.warp @ _TURNS[turn // 3 % len(_TURNS)] if t.missing > 4 and turn % 3 == 0 else t.warp
+        # It may have turned or come nearer meanwhile.
+        looks = [t.warp, *(t.warp @ turn for turn in _TURNS if t.missing > 4)]
         likely = []
-        for start in search.candidates(frame, t.fine.shape, turned, radius):
+        for start in search.candidates(frame, t.fine.shape, looks, radius):
             crop = Crop.cut(frame, warps.corners(start), _margin(t.side))
             near = crop.part(warps.corners(start), 0.2 * t.side + 4)
             rough = t.coarse.align(near, start, rounds=6, small=0.2)
@@ -268,15 +271,15 @@ class PatchTracker:
     def _leaps(self, fit: Fit) -> bool:
         """Whether the region is suddenly elsewhere and half covered, too: a wrong place."""
         t = self._target
-        gap = t.place(fit.warp) - t.uv - t.velocity
-        return fit.share < t.share - 0.25 and math.hypot(*gap) > 0.2 * t.side
+        gap = math.hypot(*(t.place(fit.warp) - t.uv - t.velocity)) / t.side
+        return (fit.share < t.share - 0.25 and gap > 0.2) or (fit.share < 0.7 and gap > 0.12)
 
     def _found(self, fit: Fit) -> bool:
         """Whether what was lost is really there; noise that it always had does not count against it."""
         t = self._target
         score = min(FOUND_SCORE, max(t.usual - 0.03, FAIR_SCORE))
         share = FOUND_SHARE - (FOUND_SCORE - score)
-        if float(np.linalg.norm(t.place(fit.warp) - t.uv)) < 0.5 * t.side * (1 + 0.2 * t.missing):
+        if t.missing <= JUST_GONE and float(np.linalg.norm(t.place(fit.warp) - t.uv)) < t.side:
             share = min(share, NEAR_SHARE)  # There, what covered it may still cover a part of it.
         return fit.score >= score and fit.share >= share
 
@@ -304,7 +307,10 @@ def _better(a: Fit | None, b: Fit | None) -> Fit | None:
     return a if a.quality >= b.quality else b
 
 
-_TURNS = [warps.turned(*by) for by in ((0.35, 1.0), (-0.35, 1.0), (0.0, 1.25), (0.0, 0.8))]
+_TURNS = [
+    warps.turned(turn, scale) for turn in (-0.7, -0.35, 0.0, 0.35, 0.7) for scale in (0.8, 1.0, 1.25)
+    if turn or scale != 1.0
+]  # fmt: skip
 _MIDDLE = np.zeros((1, 2))
 _AXIS = np.linspace(-0.9, 0.9, 7)
 _SPREAD = np.array([(x, y) for y in _AXIS for x in _AXIS])

@@ -143,7 +143,7 @@ class PointTracker:
         if self._missing > 4 and self._missing % 2:
             return None, None
         radius = min(REACH + 4.0 * self._missing, 60.0)
-        for start in search.candidates(frame, self._window.shape, self._warp, radius):
+        for start in search.candidates(frame, self._window.shape, [self._warp], radius):
             crop = Crop.cut(frame, warps.corners(start), REACH)
             fit = self._plain(crop, start) or self._robust(crop, start)
             if fit is not None and fit.quality >= FOUND:
