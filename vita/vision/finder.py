@@ -27,8 +27,8 @@ def find(t: Target, frame: Image) -> tuple[Fit | None, Crop | None]:
     if t.missing > 4 and beat % (2 if t.missing < LONG_GONE else 3):
         return None, None
     radius = t.side * (1.0 + 0.5 * t.missing)
-    # It may have turned or come nearer meanwhile.
-    looks = [t.warp, *(t.warp @ turn for turn in _TURNS if t.missing > 4)]
+    # It may have turned or come nearer meanwhile; half of the ways to do so are tried at a time.
+    looks = [t.warp, *(t.warp @ turn for turn in _TURNS[beat // 2 % 2 :: 2] if t.missing > 4)]
     likely = []
     for start in search.candidates(frame, t.fine.shape, looks, radius):
         crop = Crop.cut(frame, warps.corners(start), margin(t.side))

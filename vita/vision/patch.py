@@ -183,7 +183,7 @@ class PatchTracker:
         for start in (flow, ahead, t.warp):
             if start is None:
                 continue
-            for attempt in attempts:
+            for attempt in attempts[start is ahead :]:  # The first from there was tried above.
                 best = fits.better(best, attempt(t, crop, start))
                 if best and fits.good(best) and best.quality > t.score - WORSE:
                     return best

@@ -17,9 +17,7 @@ _LEAST = 0.4
 """Correlation below which a place is not worth a closer look."""
 
 
-def candidates(
-    frame: Image, look: Gray, poses: Sequence[Array], radius: float, best: int = 3
-) -> list[Array]:
+def candidates(frame: Image, look: Gray, poses: Sequence[Array], radius: float, best: int = 3) -> list[Array]:
     """Warps where the target may be, likeliest first.
 
     `look` (n, n) is the template; it is sought as each of `poses` (3, 3) shows it (turned, nearer,
@@ -36,14 +34,17 @@ def candidates(
     small = np.maximum(np.rint((high - low) / shrink), 4).astype(int)
     scale = small / (high - low)
     scene = cv2.resize(gray, (int(small[0]), int(small[1])), interpolation=cv2.INTER_AREA).astype(np.float32)
+    soft = cv2.GaussianBlur(look, (0, 0), max(0.5 * look.shape[0] / _CELLS, 0.3))
     found: list[tuple[float, Array]] = []
     for pose, outline, span in zip(poses, outlines, spans, strict=True):
         cells = np.maximum(np.rint(span * scale), 4).astype(int)
         if np.any(cells > small):
             continue
-        view = _drawn(look, pose, outline, scale, cells)
+        view = _drawn(soft, pose, outline, scale, cells)  # type: ignore[arg-type]
         match = cv2.matchTemplate(scene, view, cv2.TM_CCOEFF_NORMED)
-        for value, x, y in _peaks(np.asarray(match, np.float32), max(2, int(cells.min()) // 4), best):
+        # As it was seen last is likelier than any one of the others.
+        count = best if pose is poses[0] else 1
+        for value, x, y in _peaks(np.asarray(match, np.float32), max(2, int(cells.min()) // 4), count):
             corner = low + (np.array([x, y]) + 0.5) / scale - 0.5
             found.append((value, warps.shift(corner - outline.min(axis=0)) @ pose))
     found.sort(key=lambda place: -place[0])
@@ -59,16 +60,13 @@ def _window(frame: Image, center: Array, span: Array, radius: float) -> tuple[Ar
 
 
 def _drawn(look: Gray, pose: Array, outline: Array, scale: Array, cells: Array) -> Gray:
-    """The template as `pose` shows it, at the low resolution."""
+    """The blurred template as `pose` shows it, at the low resolution."""
     n = look.shape[0]
     into_square = np.array([[2 / n, 0, 1 / n - 1], [0, 2 / n, 1 / n - 1], [0, 0, 1.0]])
     pixel = np.array([[scale[0], 0, 0.5 * scale[0] - 0.5], [0, scale[1], 0.5 * scale[1] - 0.5], [0, 0, 1.0]])
     placed = pixel @ warps.shift(-outline.min(axis=0)) @ pose @ into_square
-    soft = cv2.GaussianBlur(look, (0, 0), max(0.5 * n / float(cells.min()), 0.3))
     area = (int(cells[0]), int(cells[1]))
-    return cv2.warpPerspective(
-        soft, placed, area, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )  # type: ignore[return-value]
+    return cv2.warpPerspective(look, placed, area, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[return-value]
 
 
 def _peaks(match: Gray, apart: int, count: int) -> list[tuple[float, int, int]]:
