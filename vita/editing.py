@@ -163,7 +163,9 @@ class Editor:
         prefix = "G" if command.kind == "fixed" else "T"
         name = command.name or free_name(prefix, self.task.names)
         to = None if command.to is None else _pixel(command.to)
-        spec = TrackerSpec(name, command.camera, command.kind, uv, to)
+        # Two pixels are a line whoever asks, and a saved task must say so.
+        kind = "line" if to is not None and command.kind == "auto" else command.kind
+        spec = TrackerSpec(name, command.camera, kind, uv, to)
         if spec.kind == "projected":
             raise BadInput("projected trackers come from scenario files; choose `auto` or `fixed`")
         return Slot(spec, self._make(spec, seen))

@@ -32,10 +32,9 @@ MIN_IN_VIEW = 0.6
 class PatchTracker:
     """Inverse compositional registration of a patch, with robust fit, flow start and search."""
 
-    def __init__(
-        self, frame: Image, uv: object, *, size_px: float | None = None, kind: str = "patch"
-    ) -> None:
-        self.kind = kind
+    kind = "patch"
+
+    def __init__(self, frame: Image, uv: object, *, size_px: float | None = None) -> None:
         size = check_frame(frame)
         pixel = check_pixel(uv, size)
         center, side = choose_region(frame, pixel, size_px)
