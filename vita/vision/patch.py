@@ -9,8 +9,10 @@ import numpy as np
 
 from vita.types import Array, Feature, Image, frozen
 from vita.vision import finder, fits, layers, motion, warps
+from vita.vision.calm import calm
 from vita.vision.images import Crop, check_frame, check_pixel, inside, is_frame
 from vita.vision.layers import Layers
+from vita.vision.motion_blur import through_blur
 from vita.vision.target import Target
 from vita.vision.template import Fit
 from vita.vision.texture import choose_region
@@ -90,7 +92,7 @@ class PatchTracker:
             fit = self._prove(fit, frame)
             if fit is None:
                 return self._lost("what was clicked is covered, or moved away from what is around it", 0.0)
-        pose = fit.warp if again else t.fine.calm(fit, t.warp)
+        pose = fit.warp if again else calm(t.fine, fit, t.warp)
         uv = t.place(pose)
         if not inside(uv, t.size) or _in_view(pose, t.size) < MIN_IN_VIEW:
             return self._lost("left the view", fit.quality)
@@ -189,7 +191,7 @@ class PatchTracker:
         if best is None or fits.good(best):
             return best
         way = warps.apply(best.warp, _MIDDLE)[0] - warps.apply(t.warp, _MIDDLE)[0]
-        return t.fine.through_blur(crop, best, way)
+        return through_blur(t.fine, crop, best, way)
 
 
 _MIDDLE = np.zeros((1, 2))

@@ -26,8 +26,6 @@ MIN_TRUST = 0.3
 """Least share of the region that must stay trusted: fewer pixels could be anything."""
 AGREE, AGREE_GREY = 0.35, 2.0
 """A pixel agrees when it is off by less than this share of the contrast, or this many grey levels."""
-CALM = 1.0
-"""How strongly motion no larger than noise is held back; 0 is not at all."""
 NOISE_GREY = 2.0
 """Camera noise for which the degrees of freedom are chosen [grey levels]."""
 TILT_PX = {8: 0.15, 6: 0.5, 4: 1.0}
@@ -124,6 +122,11 @@ class Template:
         moved = warps.motions(np.array([-1.0, 1.0, 1.0, -1.0]), np.array([-1.0, -1.0, 1.0, 1.0]))[: self.dof]
         return self._half * math.sqrt(float(np.einsum("ick,ij,jck->", moved, spread, moved)) / 4)
 
+    @property
+    def grain(self) -> float:
+        """Variance of a fit's step, over the information and the noise of one pixel."""
+        return self._alike * self._power / self._total
+
     def sample(self, crop: Crop, warp: Array) -> Gray:
         """(n, n) blurred image under the region at `warp`."""
         return crop.sample(crop.blurred(self.sigma), warp @ self._grid, self.n)
@@ -193,9 +196,10 @@ class Template:
             return Fit(warp, score)
         residual = values * np.float32(1 / gain) - self._template
         residual -= np.float32(mean / gain - self._level)
-        return self._seen(warp, score, residual, gain)
+        return self.seen(warp, score, residual, gain)
 
-    def _seen(self, warp: Array, score: float, residual: Gray, gain: float) -> Fit:
+    def seen(self, warp: Array, score: float, residual: Gray, gain: float) -> Fit:
+        """A fit that says which pixels agree, from the `residual` (n * n,) in units of the deviation."""
         agree = np.abs(residual) < max(AGREE, AGREE_GREY / gain)
         share = float(self._trust @ agree) / (float(self._trust.sum()) + 1e-6)
         return Fit(warp, score, share, agree.reshape(self.n, self.n), residual)
@@ -213,31 +217,7 @@ class Template:
             return Fit(warp, -1.0, 0.0)
         score = robust.correlation(values, self._template, weights)
         residual = (values - np.float32(bias)) * np.float32(1 / gain) - self._template
-        return self._seen(warp, score, residual, gain)
-
-    def through_blur(self, crop: Crop, fit: Fit, motion: Array) -> Fit:
-        """`fit` judged against the template as a moving camera shows it, if that agrees better.
-
-        `motion` (2,) is the way in one frame period [px]; the shutter is open for a part of it.
-        The blur is even on both sides, so the pose is as good as before; only the looks differ.
-        """
-        slope = fit.warp[:2, :2] - np.outer(fit.warp[:2, 2], fit.warp[2, :2])
-        cells = np.linalg.solve(slope, motion) * self.n / 2
-        if float(np.abs(cells).max()) < 1.5:
-            return fit
-        values = self.sample(crop, fit.warp).ravel()
-        best = fit
-        for share in (0.3, 0.6, 0.9):
-            blurred = _smear(self._shape, cells * share).ravel()
-            gain, bias = robust.light(values, blurred, self._trust)
-            if gain < 0.3 * self.deviation:
-                continue
-            residual = (values - np.float32(bias)) * np.float32(1 / gain) - blurred
-            weights = robust.tukey(np.abs(residual), self._trust, 0.06)
-            seen = self._seen(fit.warp, robust.correlation(values, blurred, weights), residual, gain)
-            if seen.quality > best.quality:
-                best = seen
-        return best
+        return self.seen(warp, score, residual, gain)
 
     def align_robustly(
         self, crop: Crop, warp: Array, rounds: int, small: float = 0.02, bend_px: float = math.inf
@@ -277,47 +257,9 @@ class Template:
             left = 0 if size * self._half < small else left - 1
         return self._verdict(values, warp, gain, bias, weights)
 
-    def calm(self, fit: Fit, before: Array) -> Array:
-        """The pose of `fit`, held back towards the pose `before` as far as noise explains the difference.
-
-        With m the Mahalanobis distance between the two under the fit's own noise, the motion is
-        scaled by m^4 / (m^4 + CALM dof^2): a real motion passes, and what is no larger than noise hardly.
-        """
-        a = np.linalg.solve(before, fit.warp)
-        a = a / a[2, 2] - np.eye(3)
-        p = np.array(
-            [
-                a[0, 2],
-                a[1, 2],
-                0.5 * (a[1, 0] - a[0, 1]),
-                0.5 * (a[0, 0] + a[1, 1]),
-                0.5 * (a[0, 0] - a[1, 1]),
-                0.5 * (a[0, 1] + a[1, 0]),
-                -a[2, 0],
-                -a[2, 1],
-            ]
-        )[: self.dof]
-        noise = self._alike * max(1 / max(fit.score, 0.1) ** 2 - 1, 1e-9)
-        noise *= self._power / self._total
-        squared = float(p @ self.information @ p) / noise
-        excess = (squared / self.dof) ** 2
-        moved = before @ (np.eye(3) + a * (excess / (excess + CALM)))
-        return moved / moved[2, 2]
-
-
 def _bounded(step: list[float], gain: float) -> tuple[list[float], float]:
     """A step divided by the gain and cut to half the region, and the size that it would have had."""
     gain = max(gain, 1e-6)
     size = max(map(abs, step)) / gain
     scale = min(1.0, 0.5 / size) / gain if size > 0 else 0.0
     return [x * scale for x in step], size
-
-
-def _smear(picture: Gray, by: Array) -> Gray:
-    """`picture` (n, n) blurred evenly along (2,) `by` [cells]."""
-    total = np.zeros_like(picture)
-    steps = max(3, 2 * math.ceil(float(np.abs(by).max())) + 1)
-    for at in np.linspace(-0.5, 0.5, steps):
-        moved = np.array([[1.0, 0.0, at * by[0]], [0.0, 1.0, at * by[1]]])
-        total += cv2.warpAffine(picture, moved, picture.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(total / steps, dtype=np.float32)
