@@ -259,7 +259,11 @@ def test_every_documented_key_does_what_it_says(visit: Visit) -> None:
     page.keyboard.press("v")
     wait_for(lambda: board.mode == "cameras", "the cameras by v")
     wait_for(lambda: page.evaluate("window.vitaPage.still") is True, "arrow keys that may not")
-    settle(visit)  # what the browser tells of its camera lags behind
+    settle(visit)
+    window = board.layout
+    assert window is not None
+    # What the browser tells of its camera lags behind, and at first it is still the 3D world's.
+    wait_for(lambda: abs(board.lens._height() / window.window.h - 1) < 0.01, "all cameras after v")
     whole = board.lens.unit()
     page.keyboard.press("2")
     wait_for(lambda: board.lens.unit() < 0.9 * whole, "one camera by 2")

@@ -59,6 +59,9 @@ class Lens:
 
     def tilted(self) -> bool:
         """Whether arrow keys or orbiting have turned a straight view; said once per aiming."""
+        if abs(float(self._client.camera.fov) - FOV) > 1e-3:
+            # A slow browser still reports the 3D world; straightening that would aim beside the board.
+            return False
         wxyz = self._client.camera.wxyz
         off = min(np.abs(wxyz - STRAIGHT).max(), np.abs(wxyz + STRAIGHT).max())
         if off < 2e-3 or time.monotonic() - self._aimed_at < GRACE_S:
