@@ -1,0 +1,1 @@
+"""The documents' experiments as commands: one file each, on a vectorised simulation."""

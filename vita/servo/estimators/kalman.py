@@ -1,0 +1,46 @@
+"""The recommended estimator: a Kalman filter on the rows of the Jacobian, with one covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vita.servo.estimators.base import CURVATURE, Estimate, JacobianEstimator, Mask, register
+from vita.types import Array
+
+
+@register
+class Kalman(JacobianEstimator):
+    """Each row j of the Jacobian is a state that wanders as the arm moves; every secant measures it.
+
+    All rows see the same joint motion s through the same noise, so that they share one covariance P
+    (n, n), and a step costs what one row would. With the Jacobian's change over the step as process
+    noise, half of it before and half after the measurement,
+
+        P += q I,   K = P s / (s' P s + 2 sigma^2),   J += (de - J s) K',   P += q I - K s' P,
+        q = kappa^2 mean(J0^2) |s|^2 / 2.
+
+    It is a Broyden update (thesis eq. 2.18) whose rate and direction follow from what is known
+    already: directions that were measured well are not spoilt by a new noisy step.
+    """
+
+    kind = "kalman"
+    title = "Kalman filter"
+    doc = "Weighs each measured motion against what is known already. The best choice for most tasks."
+
+    def _learned(self, dq: Array, de: Array, seen: Mask, learn: Mask) -> Estimate:
+        old = self._estimate
+        length2 = np.einsum("...i,...i->...", dq, dq)
+        drift = (0.5 * CURVATURE**2 * old.scale2 * length2)[..., None, None] * np.eye(dq.shape[-1])
+        prior = old.covariance + drift
+        cross = np.einsum("...ij,...j->...i", prior, dq)
+        expected2 = np.einsum("...i,...i->...", dq, cross) + 2.0 * old.sigma**2
+        gain = cross / np.maximum(expected2, 1e-300)[..., None]
+        surprise = np.where(seen, de, 0.0) - np.einsum("...ij,...j->...i", old.jacobian, dq)
+        jacobian = old.jacobian + self._trusted(surprise, expected2)[..., None] * gain[..., None, :]
+        covariance = prior + drift - gain[..., :, None] * cross[..., None, :]
+        return self._put(jacobian, covariance, seen, learn)
+
+    def _trusted(self, surprise: Array, expected2: Array) -> Array:
+        """(..., m) the part of the surprise that is believed [px]; its variance is `expected2`."""
+        del expected2
+        return surprise
