@@ -15,7 +15,6 @@ from vita import commands as cmd
 from vita.engine import Engine
 from vita.scenario.schema import AttachSpec, ConstraintSpec, Scenario, TrackerSpec
 from vita.servo import ServoConfig, VisualServo
-from vita.servo.broyden import BroydenEstimator
 from vita.servo.dropout import KEPT_STRENGTH, RECOVERED_PERIODS, why_not
 from vita.types import RowLabel
 
@@ -54,18 +53,6 @@ def test_a_motion_that_only_the_lost_rows_tell_is_missed() -> None:
     jacobian = np.array([[300.0, 0], [0, 300.0], [300.0, 0], [0, 1.0], [300.0, 0], [300.0, 0]])
     seen = np.array([True, False, True, True, True, True])
     assert "apart" in why_not(jacobian, seen, labels(*"aaaaaa"))
-
-
-def test_a_row_that_is_not_seen_keeps_its_jacobian_and_the_others_go_on_learning() -> None:
-    truth, start = np.array([[100.0, 20.0], [-30.0, 80.0]]), np.array([[90.0, 0.0], [0.0, 90.0]])
-    estimator, q = BroydenEstimator(start), np.zeros(2)
-    rng = np.random.default_rng(0)
-    for k in range(60):
-        error = truth @ q
-        estimator.observe(q, np.where([True, k < 1], error, np.nan), 1.0)
-        q = q + rng.normal(size=2) * 0.1
-    np.testing.assert_allclose(estimator.jacobian[0], truth[0], atol=0.5)
-    np.testing.assert_array_equal(estimator.jacobian[1], start[1])
 
 
 # ---- the public servo ------------------------------------------------------------------------------

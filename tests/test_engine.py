@@ -98,7 +98,7 @@ def test_an_empty_task_cannot_start() -> None:
 def test_a_lost_tracker_holds_in_the_same_tick_and_is_named_and_nothing_is_lost() -> None:
     e = engine()
     e.apply(cmd.Start())
-    for _ in range(45):
+    for _ in range(32):
         e.tick()
     e.apply(cmd.Perform("lose_tracker", {"tracker": "tip_left", "for_s": 0.5}))
     q, snapshot = rig(e).q.copy(), e.tick()
@@ -207,7 +207,7 @@ def test_a_setting_changed_in_motion_is_in_force_at_the_next_tick() -> None:
     e.apply(cmd.SetServo("gain", 0.05))
     small = np.linalg.norm((e.tick(), step_of(e))[1].dq)
     e.apply(cmd.SetServo("gain", 0.6))
-    assert np.linalg.norm((e.tick(), step_of(e))[1].dq) > 5 * small
+    assert np.linalg.norm((e.tick(), step_of(e))[1].dq) > 3 * small
     assert e.tick().scenario.servo.gain == 0.6
 
 

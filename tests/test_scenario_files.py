@@ -212,7 +212,7 @@ WRONG = [
     ('do = "start"', 'do = "start"\nnow = 1', "script[0].now", "takes no arguments"),
     ('do = "start"\n', "", "script[0]", "'do' is missing"),
     ("at_s = 0.0", "at_s = -1", "script[0].at_s", "outside"),
-    ('field = "gain"', 'field = "gian"', "script[1].field", "Choices: servo.gain"),
+    ('field = "gain"', 'field = "gian"', "script[1].field", "servo.gain, servo.alpha"),
     ("value = 0.25", "value = 25", "script[1].value", "outside 0.01 to 2.0"),
     ("value = 0.25", 'value = "fast"', "script[1].value", "a number"),
     ("value = 0.25\n", "", "script[1]", "needs the key 'value'"),
@@ -462,7 +462,7 @@ def test_settings_that_fit_only_together_can_be_set_together() -> None:
     task = override(
         loads(TASK), ["scene.robot=wam4", "scene.q0_deg=0,0,0,90", "limits.joint=[]"]
     )
-    assert task.scene.robot == "wam4" and task.servo == ServoConfig(gain=1.0, joints=(0, 1, 2, 3))
+    assert task.scene.robot == "wam4" and task.servo == ServoConfig(gain=1.0, explore_deg=4.0, joints=(0, 1, 2, 3))
 
 
 # Drift -------------------------------------------------------------------------------------------

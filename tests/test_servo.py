@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from fake_robot import FakeRobot, planar_arm_pixels
@@ -9,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vita.errors import BadInput, UnknownName
-from vita.servo import ServoConfig, VisualServo, broyden_update, control_step, damped_inverse
-from vita.servo.broyden import BroydenEstimator
+from vita.servo import ServoConfig, VisualServo
 from vita.servo.limits import change_setting
 
 START, GOAL = [0.3, 0.5, -0.4], np.array([0.7, 0.2, 0.1])
@@ -91,82 +92,6 @@ def test_an_arm_out_of_the_picture_is_not_driven() -> None:
     np.testing.assert_allclose(arm.q, START, atol=1e-9)
 
 
-# ---- Broyden (eq. 2.18) --------------------------------------------------------------------------
-
-vectors = st.lists(st.floats(-100, 100), min_size=3, max_size=3).map(np.array)
-
-
-@given(dq=vectors, de=vectors, seed=st.integers(0, 2**32 - 1))
-def test_the_secant_equation_holds_exactly_at_alpha_one(dq: np.ndarray, de: np.ndarray, seed: int) -> None:
-    jacobian = np.random.default_rng(seed).normal(size=(3, 3))
-    if np.linalg.norm(dq) < 1e-3:
-        dq = np.array([1.0, 0.0, 0.0])
-    updated = broyden_update(jacobian, dq, de, 1.0)
-    np.testing.assert_allclose(updated @ dq, de, atol=1e-7 * (1 + np.abs(de).max()))
-
-
-def test_alpha_zero_changes_nothing_and_other_directions_are_never_touched() -> None:
-    rng = np.random.default_rng(0)
-    jacobian, dq, de = rng.normal(size=(4, 3)), rng.normal(size=3), rng.normal(size=4)
-    np.testing.assert_array_equal(broyden_update(jacobian, dq, de, 0.0), jacobian)
-    across = np.cross(dq, [1.0, 2.0, 3.0])
-    np.testing.assert_allclose(broyden_update(jacobian, dq, de, 0.7) @ across, jacobian @ across, atol=1e-12)
-
-
-def test_steps_inside_the_noise_never_change_the_estimate() -> None:
-    rng = np.random.default_rng(0)
-    truth = rng.normal(size=(4, 3)) * 300
-    estimator = BroydenEstimator(truth)
-    for _ in range(500):
-        estimator.observe(rng.normal(size=3) * 1e-5, rng.normal(size=4) * 0.2, 1.0)
-    np.testing.assert_array_equal(estimator.jacobian, truth)
-
-
-def test_small_steps_are_added_up_until_they_say_something() -> None:
-    truth = np.array([[300.0, 20.0], [-50.0, 400.0]])
-    estimator = BroydenEstimator(0.5 * truth)
-    direction = np.array([1.0, 0.0])
-    learned = [
-        estimator.observe(q * direction, truth @ (q * direction), 1.0) for q in np.arange(0, 0.05, 0.001)
-    ]
-    assert any(learned) and not all(learned)
-    np.testing.assert_allclose(estimator.jacobian @ direction, truth @ direction, rtol=1e-9)
-
-
-# ---- the control law (eq. 2.15) ------------------------------------------------------------------
-
-
-def test_with_the_true_jacobian_each_step_removes_the_share_lambda() -> None:
-    rng = np.random.default_rng(1)
-    jacobian, error = rng.normal(size=(6, 6)) * 300, rng.normal(size=6) * 50
-    dq, _ = control_step(jacobian, error, np.ones(6), 0.1, 0.0, np.ones(6, bool))
-    assert np.linalg.norm(error + jacobian @ dq) == pytest.approx(0.9 * np.linalg.norm(error), rel=1e-6)
-
-
-def test_a_heavy_row_is_served_before_a_light_one_that_contradicts_it() -> None:
-    jacobian, error = np.array([[100.0], [100.0]]), np.array([10.0, -10.0])
-    dq, _ = control_step(jacobian, error, np.array([10.0, 1.0]), 1.0, 0.0, np.ones(1, bool))
-    assert dq[0] == pytest.approx(-0.1 * 99 / 101)
-
-
-def test_the_inverse_has_at_most_the_rank_of_a_rigid_hand() -> None:
-    rng = np.random.default_rng(2)
-    noisy = rng.normal(size=(16, 6)) @ rng.normal(size=(6, 7)) * 100 + rng.normal(size=(16, 7))
-    inverse = damped_inverse(noisy, 0.001)
-    assert inverse.rank == 6
-    assert np.linalg.norm(inverse.matrix, 2) < 2.0 / inverse.singular_values[5]
-
-
-def test_joints_that_are_not_free_do_not_move() -> None:
-    dq, _ = control_step(np.ones((2, 3)), np.ones(2), np.ones(2), 1.0, 0.1, np.array([True, False, True]))
-    assert dq[1] == 0.0 and dq[0] != 0.0
-
-
-def test_a_zero_jacobian_asks_for_no_motion() -> None:
-    dq, inverse = control_step(np.zeros((2, 3)), np.ones(2), np.ones(2), 1.0, 0.1, np.ones(3, bool))
-    assert not dq.any() and inverse.rank == 0
-
-
 # ---- the loop ------------------------------------------------------------------------------------
 
 
@@ -217,13 +142,33 @@ def test_a_lost_row_rests_the_arm_in_the_same_period() -> None:
     np.testing.assert_array_equal(arm.q, before)
 
 
-def test_a_flipped_jacobian_is_a_fault_not_a_runaway() -> None:
-    arm, servo = servo_on_plane(ServoConfig(gain=0.5, alpha=0.0))
+PLAIN = ServoConfig(estimator="thesis", policy="fixed", gain=0.5, alpha=0.0)
+
+
+def flipped(servo: VisualServo) -> None:
+    """Turn the sign of everything that the servo has learned."""
     servo.learn()
-    servo.controller._estimator = BroydenEstimator(-servo.jacobian)
+    steering = servo.controller._steering
+    assert steering is not None
+    steering._estimator._estimate = replace(steering.estimate, jacobian=-servo.jacobian)
+
+
+def test_a_flipped_jacobian_is_a_fault_not_a_runaway() -> None:
+    arm, servo = servo_on_plane(PLAIN)
+    flipped(servo)
     result = servo.converge(timeout_s=20)
     assert (result.outcome, result.reason) == ("fault", "diverged")
     assert np.abs(arm.q - START).max() < 0.5
+
+
+def test_the_default_servo_does_not_run_away_on_a_flipped_jacobian_either() -> None:
+    arm, servo = servo_on_plane()
+    farthest = []
+    arm.move_by = lambda dq: (FakeRobot.move_by(arm, dq), farthest.append(np.abs(arm.q - START).max()))  # type: ignore
+    flipped(servo)
+    result = servo.converge(timeout_s=20)
+    assert result.outcome in ("fault", "held", "converged"), result
+    assert max(farthest) < 0.6
 
 
 def test_contradicting_rows_stall_and_the_worst_is_named() -> None:
@@ -244,7 +189,7 @@ def test_the_timeout_is_kept_to_a_period() -> None:
         now[0] += 1 / 30
         return planar_arm_pixels(arm.q) - goal
 
-    servo = VisualServo(arm, measure, ServoConfig(gain=0.01), clock=lambda: now[0])
+    servo = VisualServo(arm, measure, replace(PLAIN, gain=0.01), clock=lambda: now[0])
     servo.learn()
     began = now[0]
     result = servo.converge(timeout_s=2.0)
@@ -268,14 +213,15 @@ def test_a_dead_band_ends_as_limited_and_higher_gain_ends_closer() -> None:
 
 
 def test_a_gain_changed_while_it_runs_is_in_force_at_the_next_period() -> None:
-    arm, servo = servo_on_plane(ServoConfig(gain=0.1, alpha=0.0), max_speed=1e6)
+    arm, servo = servo_on_plane(replace(PLAIN, gain=0.1), max_speed=1e6)
     servo.learn()
     small = servo.step().dq
     error = planar_arm_pixels(arm.q) - planar_arm_pixels(GOAL)
     servo.config = change_setting(servo.config, "gain", 0.4, "servo")
     large = servo.step().dq
-    expected, _ = control_step(servo.jacobian, error, np.ones(4), 0.4, servo.config.damping, np.ones(3, bool))
-    np.testing.assert_allclose(large, expected, atol=1e-12)
+    u, values, vt = np.linalg.svd(servo.jacobian, full_matrices=False)
+    damped = values / (values**2 + (servo.config.damping * values[0]) ** 2)
+    np.testing.assert_allclose(large, -0.4 * vt.T @ (damped * (u.T @ error)), atol=1e-12)
     assert np.linalg.norm(large) > 2 * np.linalg.norm(small)
 
 

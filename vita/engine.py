@@ -17,6 +17,7 @@ from vita.constraints import stack
 from vita.editing import Editor
 from vita.errors import BadInput, NotNow, UnknownName
 from vita.feeds import FrozenFeeds
+from vita.outlook import Outlook, ghost, ghost_poses
 from vita.plausible import MotionCheck
 from vita.rig import SimulatedRig
 from vita.scenario.schema import Scenario
@@ -42,7 +43,7 @@ class Engine:
         self.observation: Observation = rig.observe()
         self.editor = Editor(rig, scenario, self.observation)
         self.limits = scenario.limits
-        self._feeds, self._motion = FrozenFeeds(), MotionCheck()
+        self._feeds, self._motion, self._outlook = FrozenFeeds(), MotionCheck(), Outlook()
         self.last_step: JointStep | None = None
         self.error: ErrorVector = stack((), {})
 
@@ -281,6 +282,8 @@ class Engine:
         """The state after the last tick."""
         seen, editor, controller = self.observation, self.editor, self.controller
         scenario = replace(editor.to_save(), servo=controller.config, limits=self.limits)
+        insight = controller.insight
+        ahead = insight.next_dq if insight is not None and controller.status.state == "servoing" else None
         return Snapshot(
             tick=self._tick,
             stamp=seen.stamp,
@@ -298,4 +301,8 @@ class Engine:
             notices=self.notices,
             timing=self._watch.timing(),
             poses=self.rig.poses(),
+            insight=insight,
+            findings=self._outlook.findings(editor, controller, insight),
+            ghost=ghost(self._motion, ahead),
+            ghost_poses=ghost_poses(self.rig, seen.q, ahead),
         )

@@ -104,6 +104,14 @@ class MotionCheck:
             out[name] = self._suspect(i, features[name], off[i], miss[i], bool(jumped[i]), pair)
         return Verdict(out, tuple(self._names[i] for i in pair))
 
+    def predict(self, dq: Array) -> dict[str, tuple[Array, Array]]:
+        """Tracker name to where it was seen last, (1, 2), and where it will be after the joint motion
+        `dq` (n,) [rad], as far as its motion has been learned [px]."""
+        if not self._names or self._rows.shape[2] != len(dq):
+            return {}
+        after = self._uv + self._rows @ dq
+        return {name: (self._uv[i : i + 1], after[i : i + 1]) for i, name in enumerate(self._names)}
+
     def _doubt(self, should: Array, which: Mask) -> None:
         """Go on by prediction alone."""
         base = np.where(np.isfinite(self._expected), self._expected, self._uv)

@@ -75,6 +75,10 @@ class SimulatedRig(Rig, Protocol):
         along +z, x right, y down)."""
         ...
 
+    def poses_at(self, q: Array) -> Mapping[str, Array]:
+        """Body name to (4, 4) T_world_body of the robot's links, were the joints at `q` (n,) [rad]."""
+        ...
+
     def visuals(self) -> Sequence[Visual]:
         """The meshes of the scene, for a 3D view."""
         ...

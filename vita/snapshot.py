@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from vita.scenario.schema import Scenario
+from vita.servo.insight import Finding, Insight
 from vita.types import NO_ERROR, Array, ErrorVector, Feature, Image, Joint, Notice, Status, Timing, frozen
 
 
@@ -40,3 +41,12 @@ class Snapshot:
     timing: Timing = Timing()
     poses: Mapping[str, Array] = field(default_factory=dict)
     """Body name to (4, 4) T_world_body in simulation, for the 3D view only; see `SimulatedRig`."""
+    insight: Insight | None = None
+    """What the servo knows of its Jacobian; None before it has learned one."""
+    findings: tuple[Finding, ...] = ()
+    """The doctor's sentences on the task, and on the estimate once there is one."""
+    ghost: Mapping[str, Array] = field(default_factory=dict)
+    """Tracker name to (k, 2) where its feature is expected after the next step [px]; only features
+    that are expected to move."""
+    ghost_poses: Mapping[str, Array] = field(default_factory=dict)
+    """Body name to (4, 4) T_world_body after the next step in simulation, for the 3D view only."""

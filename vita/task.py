@@ -56,7 +56,10 @@ class Task:
     def terms(self) -> tuple[Term, ...]:
         """The constraints in the form that the stack takes."""
         camera = {slot.spec.name: slot.spec.camera for slot in self.slots}
-        return tuple(Term(c.name, c.kind, c.points, camera[c.points[0]], c.weight) for c in self.constraints)
+        return tuple(
+            Term(c.name, c.kind, c.points, camera[c.points[0]], c.weight, c.priority)
+            for c in self.constraints
+        )
 
     # ---- edits ---------------------------------------------------------------------------------
 

@@ -87,6 +87,9 @@ class RowLabel:
     constraint: str
     camera: str
     component: str
+    priority: int = 1
+    """1 is the most important; rows of a higher number move the arm only where those of lower ones
+    leave it free."""
 
 
 @dataclass(frozen=True)

@@ -48,9 +48,10 @@ class Constraint(ABC):
 
     @abstractmethod
     def residual(self, points: Array) -> Array:
-        """Signed residual rows [px] of `points`, (arity, 2) [px].
+        """(..., rows) signed residuals [px] of `points`, (..., arity, 2) [px].
 
-        A row is NaN where a point is NaN or a line is shorter than `MIN_LINE_PX`.
+        A row is NaN where a point is NaN or a line is shorter than `MIN_LINE_PX`. Leading axes are
+        many drawings at once, as a search over poses of the hand asks for.
         """
 
     def lines(self) -> tuple[tuple[int, int], ...]:
@@ -78,15 +79,19 @@ class Constraint(ABC):
                 )
 
 
-def signed_distance(point: Array, a: Array, b: Array) -> float:
-    """Signed distance [px] of `point` to the line through `a` and `b`: the unit-normal form of
-    (a x b) . p in homogeneous coordinates (thesis eq. 3.4). NaN for a line too short."""
-    direction = b - a
-    length = float(np.hypot(direction[0], direction[1]))
-    if not length >= MIN_LINE_PX:  # written so that NaN takes this branch as well
-        return float("nan")
-    normal = np.array([-direction[1], direction[0]]) / length
-    return float(normal @ (point - a))
+def signed_distance(point: Array, a: Array, b: Array) -> Array:
+    """(...,) signed distance [px] of `point` (..., 2) to the line through `a` and `b` (..., 2): the
+    unit-normal form of (a x b) . p in homogeneous coordinates (thesis eq. 3.4). NaN for a line too short."""
+    direction, away = b - a, point - a
+    length = long_enough(direction)
+    return (away[..., 1] * direction[..., 0] - away[..., 0] * direction[..., 1]) / length
+
+
+def long_enough(direction: Array) -> Array:
+    """(...,) length [px] of lines `direction` (..., 2); NaN for those that are too short to be one."""
+    length = np.hypot(direction[..., 0], direction[..., 1])
+    # Written so that NaN stays NaN.
+    return np.where(length >= MIN_LINE_PX, length, np.nan)
 
 
 CONSTRAINTS: dict[str, Constraint] = {}

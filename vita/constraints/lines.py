@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vita.constraints.base import MIN_LINE_PX, Constraint, register, signed_distance
+from vita.constraints.base import Constraint, long_enough, register, signed_distance
 from vita.types import Array
 
 ROLES = ("moving line, one end", "moving line, other end", "goal line, one end", "goal line, other end")
@@ -22,12 +22,8 @@ class LineToLine(Constraint):
     color = (224, 33, 186)
 
     def residual(self, points: Array) -> Array:
-        return np.array(
-            [
-                signed_distance(points[0], points[2], points[3]),
-                signed_distance(points[1], points[2], points[3]),
-            ]
-        )
+        moving, a, b = points[..., :2, :], points[..., 2:3, :], points[..., 3:4, :]
+        return signed_distance(moving, a, b)
 
     def lines(self) -> tuple[tuple[int, int], ...]:
         return ((0, 1), (2, 3))
@@ -49,11 +45,11 @@ class ParallelLines(Constraint):
     color = (30, 120, 255)
 
     def residual(self, points: Array) -> Array:
-        moving, goal = points[1] - points[0], points[3] - points[2]
-        length = float(np.hypot(goal[0], goal[1]))
-        if not (length >= MIN_LINE_PX and float(np.hypot(moving[0], moving[1])) >= MIN_LINE_PX):
-            return np.array([np.nan])
-        return np.array([(moving[0] * goal[1] - moving[1] * goal[0]) / length])
+        moving, goal = points[..., 1, :] - points[..., 0, :], points[..., 3, :] - points[..., 2, :]
+        across = moving[..., 0] * goal[..., 1] - moving[..., 1] * goal[..., 0]
+        # The moving segment's length is in `across`; it only has to be long enough to be a line.
+        angle = across / long_enough(goal) + 0.0 * long_enough(moving)
+        return np.expand_dims(angle, -1)
 
     def lines(self) -> tuple[tuple[int, int], ...]:
         return ((0, 1), (2, 3))

@@ -19,7 +19,7 @@ class PointToPoint(Constraint):
     color = (46, 204, 64)
 
     def residual(self, points: Array) -> Array:
-        return points[0] - points[1]
+        return points[..., 0, :] - points[..., 1, :]
 
 
 class PointToLine(Constraint):
@@ -34,7 +34,8 @@ class PointToLine(Constraint):
     color = (255, 159, 28)
 
     def residual(self, points: Array) -> Array:
-        return np.array([signed_distance(points[0], points[1], points[2])])
+        distance = signed_distance(points[..., 0, :], points[..., 1, :], points[..., 2, :])
+        return np.expand_dims(distance, -1)
 
     def lines(self) -> tuple[tuple[int, int], ...]:
         return ((1, 2),)

@@ -20,6 +20,7 @@ class Term:
     points: tuple[str, ...]
     camera: str
     weight: float = 1.0
+    priority: int = 1
 
 
 def stack(terms: Sequence[Term], features: Mapping[str, Feature]) -> ErrorVector:
@@ -34,7 +35,7 @@ def stack(terms: Sequence[Term], features: Mapping[str, Feature]) -> ErrorVector
         constraint = constraint_of(term.kind)
         points = np.concatenate([_pixels(features[name]) for name in term.points])
         values.append(constraint.residual(points))
-        labels += [RowLabel(term.name, term.camera, part) for part in constraint.components]
+        labels += [RowLabel(term.name, term.camera, part, term.priority) for part in constraint.components]
         weights += [term.weight] * len(constraint.components)
     return ErrorVector(frozen(np.concatenate(values)), tuple(labels), frozen(weights))
 

@@ -15,7 +15,12 @@ def final_distance_mm(rig: SimulatedRig, scenario: Scenario) -> float | None:
     wanted = scenario.expect.final_distance_mm if scenario.expect else None
     if wanted is None:
         return None
-    gap = rig.locate(wanted.of, wanted.point) - rig.locate(wanted.to, wanted.at)
+    goal = rig.locate(wanted.to, wanted.at)
+    gap = rig.locate(wanted.of, wanted.point) - goal
+    if wanted.along is not None:
+        direction = rig.locate(wanted.to, np.add(wanted.at, wanted.along)) - goal
+        direction = direction / np.linalg.norm(direction)
+        gap = gap - (gap @ direction) * direction
     return 1e3 * float(np.linalg.norm(gap))
 
 

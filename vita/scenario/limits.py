@@ -107,6 +107,7 @@ def _trackers(scenario: Scenario) -> None:
         _between(constraint.weight, (0.0, 1e3), f"constraint[{i}].weight")
         if constraint.weight == 0:
             raise BadInput("must be above 0; delete the constraint instead", f"constraint[{i}].weight")
+        _between(constraint.priority, (1, 9), f"constraint[{i}].priority")
 
 
 def _noise(noise: NoiseSpec, path: str) -> None:
@@ -145,3 +146,7 @@ def _expect(scenario: Scenario) -> None:
         _between(expect.final_distance_mm.max, (0.0, 1e5), f"{path}.max")
         _between(expect.final_distance_mm.point, _METRES, f"{path}.point")
         _between(expect.final_distance_mm.at, _METRES, f"{path}.at")
+        if expect.final_distance_mm.along is not None:
+            _between(expect.final_distance_mm.along, (-1.0, 1.0), f"{path}.along")
+            if not any(expect.final_distance_mm.along):
+                raise BadInput("a direction cannot be zero", f"{path}.along")

@@ -124,6 +124,9 @@ class ConstraintSpec:
     kind: str
     points: tuple[str, ...]
     weight: float = 1.0
+    priority: int = 1
+    """1 is the most important; a constraint of a higher number moves the arm only where those of lower
+    numbers leave it free."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +151,8 @@ class DistanceSpec:
     """In the frame of `of` [m]."""
     at: Vector3 = (0.0, 0.0, 0.0)
     """In the frame of `to` [m]."""
+    along: Vector3 | None = None
+    """Direction in the frame of `to` along which being off does not count, for goals that are lines."""
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,25 @@
 """Uncalibrated visual servoing: learn the image Jacobian, drive the error to zero."""
 
-from vita.servo.broyden import BroydenEstimator, broyden_update
 from vita.servo.config import JointLimit, Limits, ServoConfig
 from vita.servo.controller import Controller, Decision
+from vita.servo.estimators import ESTIMATORS, Estimate, JacobianEstimator
 from vita.servo.explore import explore
-from vita.servo.law import control_step, damped_inverse
+from vita.servo.insight import Finding, Insight
+from vita.servo.policies import POLICIES, StepPolicy
 from vita.servo.reasons import REASONS, outcome_of, status_for
 from vita.servo.visual_servo import Result, Robot, ServoState, VisualServo
 from vita.types import Joint
 
 __all__ = [
+    "ESTIMATORS",
+    "POLICIES",
     "REASONS",
-    "BroydenEstimator",
     "Controller",
     "Decision",
+    "Estimate",
+    "Finding",
+    "Insight",
+    "JacobianEstimator",
     "Joint",
     "JointLimit",
     "Limits",
@@ -21,10 +27,8 @@ __all__ = [
     "Robot",
     "ServoConfig",
     "ServoState",
+    "StepPolicy",
     "VisualServo",
-    "broyden_update",
-    "control_step",
-    "damped_inverse",
     "explore",
     "outcome_of",
     "status_for",

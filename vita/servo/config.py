@@ -72,7 +72,8 @@ class ServoConfig:
         0.98, 0.5, 1.0, "", "Forgetting", "What recursive least squares keeps of the past at each update."
     )
     explore_deg: float = setting(
-        4.0, 0.1, 15.0, "deg", "Exploration size", "Joint motion of each exploratory move (eq. 2.17)."
+        0.0, 0.0, 15.0, "deg", "Exploration size",
+        "Joint motion of each exploratory move (eq. 2.17); 0 chooses it by the trackers' noise.",
     )
     explore_px: float = setting(
         0.0, 0.0, 200.0, "px", "Exploration in the image",

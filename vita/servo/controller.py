@@ -10,21 +10,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vita.servo.blame import unseen, worst_row
-from vita.servo.broyden import BroydenEstimator
 from vita.servo.config import ServoConfig
 from vita.servo.dropout import HALF_SPEED, RowWatch
-from vita.servo.explore import Exploration, Exploring, JointStuck, Sample, explore
-from vita.servo.law import Inverse, control_step
-from vita.servo.monitors import Convergence, DeadBand, Divergence, Stall
+from vita.servo.explore import Exploring, JointStuck, Sample
+from vita.servo.insight import Insight
+from vita.servo.learning import Learned, Learning, Resting, learn
+from vita.servo.monitors import (
+    CONVERGED_PERIODS,
+    FOLLOWED_PERIODS,
+    Convergence,
+    DeadBand,
+    Divergence,
+    Stall,
+)
 from vita.servo.reasons import status_for
+from vita.servo.steering import Steering
 from vita.types import MOVING_STATES, Array, ErrorVector, Joint, RowLabel, Status, frozen
 
-MIN_EFFECT_PX = 0.3
-"""An exploratory motion that moves the image by less than this has told nothing."""
-AT_LIMIT_RAD = np.radians(0.1)
+MIN_EFFECT_SIGMAS = 5.0
+"""Exploratory motions that move no error row by more than so many times the noise have told nothing."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +52,9 @@ class Controller:
         self.config = config or ServoConfig()
         self.status = Status()
         self.progress = ""
-        self.singular_values: Array = frozen([])
         self._labels: tuple[RowLabel, ...] = ()
-        self._estimator: BroydenEstimator | None = None
-        self._exploration: Exploration | None = None
-        self._request: Exploring | None = None
+        self._steering: Steering | None = None
+        self._learning: Learning | None = None
         self._started_s: float | None = None
         self._even_if_met = False
         self._fresh_run()
@@ -70,9 +74,19 @@ class Controller:
     @property
     def jacobian(self) -> Array:
         """(m, n) estimate [px/rad], read-only; (0, n) before it is learned."""
-        if self._estimator is None:
+        if self._steering is None:
             return frozen(np.zeros((0, len(self.joints))))
-        return frozen(self._estimator.jacobian)
+        return frozen(self._steering.estimate.jacobian)
+
+    @property
+    def insight(self) -> Insight | None:
+        """What the servo knows of its Jacobian; None before it has been learned and used."""
+        return None if self._steering is None else self._steering.insight()
+
+    @property
+    def sigma_px(self) -> float:
+        """Noise of an error row as measured at rest [px]; NaN before that."""
+        return float("nan") if self._steering is None else self._steering.estimate.sigma
 
     @property
     def used(self) -> tuple[int, ...]:
@@ -87,13 +101,13 @@ class Controller:
         """
         self._fresh_run()
         self._even_if_met = even_if_met
-        self._exploration = self._request = None
+        self._learning = None
         self._started_s = None
-        if relearn or self._estimator is None:
-            self._estimator = None
+        if relearn or self._steering is None:
+            self._steering = None
             self.status = Status("learning", "", "Learning how each joint moves the image.")
         else:
-            self._estimator.restart()
+            self._steering.restart()
             self.status = Status("servoing", "", "Moving to the goal.")
 
     def halt(self, reason: str, **facts: object) -> None:
@@ -101,7 +115,7 @@ class Controller:
         if self.status.state != "fault":
             self.status = status_for(reason, **facts)
         self.progress = ""
-        self._exploration = self._request = None
+        self._learning = None
 
     def acknowledge(self) -> None:
         """Leave a fault, a hold or done for idle. Never moves the arm."""
@@ -110,7 +124,7 @@ class Controller:
 
     def forget(self) -> None:
         """Drop the Jacobian: the task or the cameras have changed."""
-        self._estimator, self._labels = None, ()
+        self._steering, self._labels = None, ()
 
     # ---- one control period --------------------------------------------------------------------
 
@@ -126,7 +140,7 @@ class Controller:
             return None
         if self._started_s is None:
             self._started_s = stamp
-        if self._estimator is not None and self._labels != error.labels:
+        if self._steering is not None and self._labels != error.labels:
             self.start(relearn=True)  # An edit between two runs makes the old Jacobian useless.
             self._started_s = stamp
         if not self._enough(error, lost):
@@ -136,15 +150,15 @@ class Controller:
             return None
         try:
             if self.status.state == "learning":
-                return self._learn(q, error)
-            return self._servo(q, error)
+                return self._learn(stamp, q, error)
+            return self._servo(stamp, q, error)
         except (np.linalg.LinAlgError, FloatingPointError) as failure:
             self.halt("numerical", culprit=str(failure))
             return None
 
     def _enough(self, error: ErrorVector, lost: str) -> bool:
         """Whether the rows that are seen hold the arm; says so when some are missing."""
-        known = self._estimator is not None
+        known = self._steering is not None
         jacobian = error.weights[:, None] * self.jacobian[:, list(self.used)] if known else None
         why = self._rows.update(error, jacobian)
         if why:
@@ -161,64 +175,73 @@ class Controller:
 
     # ---- learning ------------------------------------------------------------------------------
 
-    def _learn(self, q: Array, error: ErrorVector) -> Decision | None:
+    def _learn(self, stamp: float, q: Array, error: ErrorVector) -> Decision | None:
         sample = Sample(q.copy(), error.values.copy())
         if self._already_there(error):
             return None
         try:
-            if self._exploration is None:
+            if self._learning is None:
                 self._labels = error.labels
-                delta = np.radians(self.config.explore_deg)
-                self._exploration = explore(sample, self.joints, self.used, delta)
-                self._request = next(self._exploration)
+                self._learning = learn(sample, self.joints, self.used, self.config)
+                request = next(self._learning)
             else:
-                self._request = self._exploration.send(sample)
+                request = self._learning.send(sample)
         except StopIteration as finished:
-            return self._learned(q, error, finished.value)
+            return self._learned(stamp, q, error, finished.value)
         except JointStuck as stuck:
             self.halt("joint_stuck", culprit=f"Joint {self.joints[stuck.joint].name}")
             return None
-        request = self._request
-        self.progress = (
-            f"learning joint {self.joints[request.joint].name} ({request.number + 1} of {request.total})"
-        )
+        self.progress = self._doing(request)
         return Decision(request.target - q, exploring=True)
+
+    def _doing(self, request: Exploring | Resting) -> str:
+        if isinstance(request, Resting):
+            return "at rest: measuring the trackers' noise"
+        joint = self.joints[request.joint].name
+        return f"learning joint {joint} ({request.number + 1} of {request.total})"
 
     def _already_there(self, error: ErrorVector) -> bool:
         """A task that is met before the first motion is done without any."""
         met = error.largest <= self.config.tolerance_px
-        if self._exploration is None and met and not self._even_if_met:
+        if self._learning is None and met and not self._even_if_met:
             self.halt("converged", tolerance=self.config.tolerance_px)
             return True
         return False
 
-    def _learned(self, q: Array, error: ErrorVector, jacobian: Array) -> Decision | None:
-        self._exploration = self._request = None
-        effect_px = np.abs(jacobian).max(initial=0.0) * np.radians(self.config.explore_deg)
-        if effect_px < MIN_EFFECT_PX:
+    def _learned(self, stamp: float, q: Array, error: ErrorVector, learned: Learned) -> Decision | None:
+        self._learning = None
+        estimate, samples = learned
+        effect = float(np.abs(samples.e - samples.e[0]).max(initial=0.0))
+        if effect < MIN_EFFECT_SIGMAS * estimate.sigma:
             self.halt("no_effect")
             return None
-        self._estimator = BroydenEstimator(jacobian)
+        self._steering = Steering(estimate, samples, self.joints, self.used, self.config)
         self.status = Status("servoing", "", "Moving to the goal.")
-        return self._servo(q, error)
+        return self._servo(stamp, q, error)
 
     # ---- servoing ------------------------------------------------------------------------------
 
-    def _servo(self, q: Array, error: ErrorVector) -> Decision | None:
-        estimator = self._estimator
-        assert estimator is not None  # The state machine enters servoing with an estimator only.
-        estimator.observe(q, error.values, self.config.alpha)
-        if self._over(q, error):
+    def _servo(self, stamp: float, q: Array, error: ErrorVector) -> Decision | None:
+        steering = self._steering
+        assert steering is not None  # The state machine enters servoing with a Jacobian only.
+        steering.joints = self.joints
+        steering.configure(self.config)
+        steering.hear(stamp, q, error)
+        if self._over(q, error, steering):
             return None
-        dq = self._step(q, error, estimator.jacobian)
+        gain = self.config.gain
+        if self._gain_boost > 1.0:
+            gain = min(1.0, gain * self._gain_boost)
+        dq = steering.step(q, error, gain).dq
         if self._dead_band.update(q, dq) and self._at_dead_band(error):
             return None
         self.progress = f"error {error.largest:.1f} px"
         return Decision(dq, speed_scale=HALF_SPEED if self._rows.degraded else 1.0)
 
-    def _over(self, q: Array, error: ErrorVector) -> bool:
+    def _over(self, q: Array, error: ErrorVector, steering: Steering) -> bool:
         config, left = self.config, error.largest
-        if self._converged.update(left, config.tolerance_px):
+        periods = FOLLOWED_PERIODS if config.moving_goal > 0.0 else CONVERGED_PERIODS
+        if self._converged.update(left, config.tolerance_px, periods):
             self.halt("converged", tolerance=config.tolerance_px)
             if not np.isfinite(error.values).all():
                 said = f"{self.status.message} Not seen at the end: {unseen(error)}."
@@ -226,49 +249,12 @@ class Controller:
         elif self._diverged.update(error.norm):
             self.halt("diverged", error=error.norm, best=self._diverged.best)
         elif self._stalled.update(error.norm, q):
-            blocked = self._blocked(q, error)
+            blocked = steering.blocked(q, error)
             if blocked:
                 self.halt("joint_limit", culprit=f"Joint {self.joints[blocked[0]].name}")
             else:
                 self.halt("stalled", error=left, culprit=worst_row(error))
         return not self.moving
-
-    def _step(self, q: Array, error: ErrorVector, jacobian: Array) -> Array:
-        """The control law over the joints that are free: used, and not pushed out of their limits."""
-        free = np.zeros(len(self.joints), bool)
-        free[list(self.used)] = True
-        gain = min(1.0, self.config.gain * self._gain_boost) if self._gain_boost > 1 else self.config.gain
-        dq = np.zeros(len(self.joints))
-        while free.any():
-            dq, inverse = self._law(jacobian, error, gain, free)
-            self.singular_values = frozen(inverse.singular_values)
-            outward = free & self._pushes_out(q, dq)
-            if not outward.any():
-                return dq
-            free &= ~outward
-        return np.zeros_like(dq)
-
-    def _law(
-        self, jacobian: Array, error: ErrorVector, gain: float, free: NDArray[np.bool_]
-    ) -> tuple[Array, Inverse]:
-        """The control law on the rows that are seen."""
-        seen = np.isfinite(error.values)
-        return control_step(
-            jacobian[seen], error.values[seen], error.weights[seen], gain, self.config.damping, free
-        )
-
-    def _pushes_out(self, q: Array, dq: Array) -> NDArray[np.bool_]:
-        lower = np.array([j.lower for j in self.joints])
-        upper = np.array([j.upper for j in self.joints])
-        return ((q >= upper - AT_LIMIT_RAD) & (dq > 0)) | ((q <= lower + AT_LIMIT_RAD) & (dq < 0))
-
-    def _blocked(self, q: Array, error: ErrorVector) -> list[int]:
-        """The used joints that a limit keeps from helping."""
-        assert self._estimator is not None
-        free = np.zeros(len(self.joints), bool)
-        free[list(self.used)] = True
-        dq, _ = self._law(self._estimator.jacobian, error, 1.0, free)
-        return [int(j) for j in np.flatnonzero(free & self._pushes_out(q, dq))]
 
     def _at_dead_band(self, error: ErrorVector) -> bool:
         """Asked to move, the arm does not: raise the gain first, since the residual is TOL / lambda

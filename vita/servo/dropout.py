@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vita.servo.law import RIGID_RANK
+from vita.servo.estimators.base import RIGID_RANK
 from vita.servo.reasons import status_for
 from vita.types import Array, ErrorVector, RowLabel, Status
 
@@ -72,12 +72,16 @@ class RowWatch:
         `jacobian` (m, n) as in `why_not`; None before it is learned.
         """
         seen = np.isfinite(error.values)
+        new = self._seen is None or not np.array_equal(seen, self._seen)
         why = ""
         if not seen.any():
             why = "nothing is seen any more"
         elif not seen.all():
-            why = _UNKNOWN if jacobian is None else why_not(jacobian, seen, error.labels)
-        self.changed = self._seen is not None and not np.array_equal(seen, self._seen)
+            if jacobian is None:
+                why = _UNKNOWN
+            elif new:  # Judged on a Jacobian that knows all rows: later that of the lost is out of date.
+                why = why_not(jacobian, seen, error.labels)
+        self.changed = self._seen is not None and new
         self._seen = seen
         self._whole_for = self._whole_for + 1 if seen.all() else 0
         return why

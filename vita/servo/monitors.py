@@ -12,6 +12,8 @@ import numpy as np
 from vita.types import Array
 
 CONVERGED_PERIODS = 3
+FOLLOWED_PERIODS = 45
+"""A goal that may move by itself must have been met for longer before the arm stops following it."""
 DIVERGED_PERIODS = 3
 DIVERGED_JUMP_PX = 100.0
 """The thesis' rule: an error that grows by so much in one step is lost."""
@@ -25,9 +27,9 @@ class Convergence:
     def __init__(self) -> None:
         self._count = 0
 
-    def update(self, largest_px: float, tolerance_px: float) -> bool:
+    def update(self, largest_px: float, tolerance_px: float, periods: int = CONVERGED_PERIODS) -> bool:
         self._count = self._count + 1 if largest_px <= tolerance_px else 0
-        return self._count >= CONVERGED_PERIODS
+        return self._count >= periods
 
 
 class Divergence:

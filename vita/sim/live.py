@@ -19,6 +19,7 @@ import numpy as np
 from vita import errors
 from vita.scenario.schema import Scenario
 from vita.sim import live_child
+from vita.sim.robots import load_robot
 from vita.sim.shared_frames import SharedFrame, SharedFrames
 from vita.sim.truth import GroundTruth
 from vita.types import Array, Joint, JointStep, Observation, Visual
@@ -75,6 +76,7 @@ class LiveRig:
             self.close()
             raise
         self._bodies = tuple(poses)
+        self._model = load_robot(scenario.scene.robot)
         self._truth.update(poses)
 
     def _greeting(self) -> tuple:
@@ -171,6 +173,10 @@ class LiveRig:
         return {name: numbers[name] + (self._copy_ms if name == "hand_over" else 0.0) for name in names}
 
     # ---- what a simulation adds --------------------------------------------------------------------
+
+    def poses_at(self, q: Array) -> Mapping[str, Array]:
+        """Where the robot's links would be at joints `q` (n,) [rad]."""
+        return self._model.poses(q)
 
     def poses(self) -> Mapping[str, Array]:
         """Ground truth at the last observation: body name to (4, 4) T_world_body."""

@@ -73,6 +73,10 @@ class LockstepRig:
         """Put limits in force from the next cycle on; never wider than the robot's own."""
         self._world.set_limits(joints, acceleration)
 
+    def poses_at(self, q: Array) -> Mapping[str, Array]:
+        """Where the robot's links would be at joints `q` (n,) [rad]."""
+        return self._world.model.poses(q)
+
     def poses(self) -> Mapping[str, Array]:
         """Ground truth at the last observation: body name to (4, 4) T_world_body."""
         return self._truth.poses

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vita.errors import UnknownName
+from vita.servo.small import all_of, some
 from vita.types import Array
 
 CURVATURE = 0.5
@@ -26,13 +27,14 @@ CURVATURE = 0.5
 one over the arm's own scale; a guess that is off by two costs some steps, not the convergence."""
 MIN_MOTION_RAD = 1e-5
 """Less joint motion than this is rounding [rad]."""
-STANDS_OUT = 1.0
+STANDS_OUT = 1.5
 """A direction of motion is held by the task when its strength is so many times that of noise alone."""
 RIGID_RANK = 6
 """A rigid hand has six degrees of freedom, so its Jacobian has no more: further singular values
 are noise, and inverting them throws the arm about."""
-GATE_SIGMAS = 5.0
-"""An image motion must be so many times the tracker noise before it is learned from."""
+GATE_SIGMAS = 3.5
+"""An image motion must stand out of the noise of all its rows by so many of its deviations before it is
+learned from: noise alone does so once in 2,000 periods, whatever the number of rows."""
 
 Mask = NDArray[np.bool_]
 
@@ -55,9 +57,9 @@ class Estimate:
     def spread2(self, dq: Array) -> Array:
         """(...,) variance [px^2] of what the rows will do under a step `dq` (..., n) [rad]: what is not
         known of J, and what J changes on the way."""
-        known = np.einsum("...i,...ij,...j->...", dq, self.covariance, dq)
-        length2 = np.einsum("...i,...i->...", dq, dq)
-        return known + 0.25 * CURVATURE**2 * self.scale2 * length2**2
+        known = np.vecdot(dq, np.matvec(self.covariance, dq))
+        length2 = np.vecdot(dq, dq)
+        return known + 0.25 * CURVATURE**2 * self.scale2 * (length2 * length2)
 
 
 @dataclass(frozen=True)
@@ -81,16 +83,18 @@ class Tuning:
 
 
 def first_estimate(jacobian: Array, delta: Array | float, sigma: float) -> Estimate:
-    """The estimate after exploratory motions of size `delta` (..., ) [rad] (thesis eq. 2.17).
+    """The estimate after exploratory motions of size `delta` [rad] (thesis eq. 2.17): one for all joints,
+    (...,), or one for each, (..., n).
 
     A finite difference over delta is wrong by the noise of two measurements, 2 sigma^2 / delta^2, and
     by half of what the Jacobian changes on the way, (kappa delta / 2)^2 of its square.
     """
+    n, runs = jacobian.shape[-1], jacobian.shape[:-2]
     scale2 = np.maximum(np.mean(jacobian**2, axis=(-2, -1)), 1e-12)
-    delta2 = np.asarray(delta, float) ** 2
-    variance = 2.0 * sigma**2 / delta2 + 0.25 * CURVATURE**2 * scale2 * delta2
-    n = jacobian.shape[-1]
-    covariance = np.broadcast_to(variance, scale2.shape)[..., None, None] * np.eye(n)
+    delta = np.asarray(delta, float)
+    delta2 = np.broadcast_to(delta if delta.ndim > len(runs) else delta[..., None], (*runs, n)) ** 2
+    variance = 2.0 * sigma**2 / delta2 + 0.25 * CURVATURE**2 * scale2[..., None] * delta2
+    covariance = variance[..., None] * np.eye(n)
     return Estimate(np.array(jacobian, float), covariance, float(sigma), scale2, held(jacobian, covariance))
 
 
@@ -150,19 +154,24 @@ class JacobianEstimator(ABC):
         dq, de = q - self._q, e - self._e
         # A row that was not seen at both ends of the secant keeps what is known of it.
         seen = np.isfinite(de)
-        moved = np.linalg.norm(np.where(seen, de, 0.0), axis=-1)
-        learn = (moved > GATE_SIGMAS * self._estimate.sigma) & (np.abs(dq).max(-1) > MIN_MOTION_RAD)
-        if learn.any():
+        known = de if all_of(seen) else np.where(seen, de, 0.0)
+        moved2 = np.vecdot(known, known)
+        gate = self._estimate.sigma * (np.sqrt(2.0 * de.shape[-1]) + GATE_SIGMAS)
+        learn = (moved2 > gate * gate) & (np.maximum.reduce(np.abs(dq), axis=-1) > MIN_MOTION_RAD)
+        if some(learn):
             self._estimate = self._with_rank(self._learned(dq, de, seen, learn))
-            self._q = np.where(learn[..., None], q, self._q)
-            self._e = np.where(learn[..., None], e, self._e)
+            if all_of(learn):
+                self._q, self._e = q.copy(), e.copy()
+            else:
+                self._q = np.where(learn[..., None], q, self._q)
+                self._e = np.where(learn[..., None], e, self._e)
         return learn
 
     def _with_rank(self, estimate: Estimate) -> Estimate:
         """A direction that has come to stand out counts from then on. None is given up again: on the
         way the covariance grows, and a direction that were no longer used could never be learned."""
         most = min(*estimate.jacobian.shape[-2:], RIGID_RANK)
-        if (estimate.rank >= most).all():
+        if all_of(estimate.rank >= most):
             return estimate
         now = held(estimate.jacobian, estimate.covariance)
         return replace(estimate, rank=np.maximum(estimate.rank, now))
@@ -178,6 +187,8 @@ class JacobianEstimator(ABC):
     def _put(self, jacobian: Array, covariance: Array, seen: Mask, learn: Mask) -> Estimate:
         """The new estimate, with the old values in rows and runs that learn nothing."""
         old = self._estimate
+        if all_of(seen) and all_of(learn):
+            return replace(old, jacobian=jacobian, covariance=covariance)
         rows = (seen & learn[..., None])[..., None]
         return replace(
             old,

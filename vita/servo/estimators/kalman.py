@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vita.servo.estimators.base import CURVATURE, Estimate, JacobianEstimator, Mask, register
+from vita.servo.small import all_of, identity
 from vita.types import Array
 
 
@@ -29,15 +30,16 @@ class Kalman(JacobianEstimator):
 
     def _learned(self, dq: Array, de: Array, seen: Mask, learn: Mask) -> Estimate:
         old = self._estimate
-        length2 = np.einsum("...i,...i->...", dq, dq)
-        drift = (0.5 * CURVATURE**2 * old.scale2 * length2)[..., None, None] * np.eye(dq.shape[-1])
-        prior = old.covariance + drift
-        cross = np.einsum("...ij,...j->...i", prior, dq)
-        expected2 = np.einsum("...i,...i->...", dq, cross) + 2.0 * old.sigma**2
+        drift = 0.5 * CURVATURE**2 * old.scale2 * np.vecdot(dq, dq)
+        wander = drift[..., None, None] * identity(dq.shape[-1])
+        prior = old.covariance + wander
+        cross = np.matvec(prior, dq)
+        expected2 = np.vecdot(dq, cross) + 2.0 * old.sigma**2
         gain = cross / np.maximum(expected2, 1e-300)[..., None]
-        surprise = np.where(seen, de, 0.0) - np.einsum("...ij,...j->...i", old.jacobian, dq)
+        known = de if all_of(seen) else np.where(seen, de, 0.0)
+        surprise = known - np.matvec(old.jacobian, dq)
         jacobian = old.jacobian + self._trusted(surprise, expected2)[..., None] * gain[..., None, :]
-        covariance = prior + drift - gain[..., :, None] * cross[..., None, :]
+        covariance = prior + wander - gain[..., :, None] * cross[..., None, :]
         return self._put(jacobian, covariance, seen, learn)
 
     def _trusted(self, surprise: Array, expected2: Array) -> Array:

@@ -9,7 +9,7 @@ carries the step out scales it as a whole, so that its direction stays.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from vita.errors import UnknownName
 from vita.servo.estimators.base import Estimate
+from vita.servo.small import all_of, some
 from vita.types import Array
 
 Mask = NDArray[np.bool_]
@@ -41,6 +42,10 @@ class Situation:
     """lambda: share of the error that a step tries to remove; for some policies only the first one."""
     damping: float = 0.02
     """Damping relative to the largest singular value, for the policies that use it."""
+    lower: Array | float = -np.inf
+    """(n,) joint positions at and below which a joint may only move up [rad]."""
+    upper: Array | float = np.inf
+    """(n,) the same at the other end [rad]."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +68,30 @@ class StepPolicy(ABC):
     doc: ClassVar[str]
     """One sentence for the page and the docs: what it does and when to choose it."""
 
-    @abstractmethod
     def step(self, now: Situation) -> Proposal:
-        """The step from here. Called once a control period with every measurement while servoing."""
+        """The step from here. Called once a control period with every measurement while servoing.
+
+        A joint at its limit that the step would push outward is left out, and the others are asked
+        again: cutting it off would change the direction, and scaling to it would stop the arm.
+        """
+        self._hear(now)
+        while True:
+            proposal = self._choose(now)
+            dq = proposal.dq
+            outward = ((now.q >= now.upper) & (dq > 0)) | ((now.q <= now.lower) & (dq < 0))
+            if not some(outward):
+                return proposal
+            now = replace(now, free=now.free & ~outward)
 
     def restart(self) -> None:  # noqa: B027 - a policy without memory has nothing to forget
         """Forget earlier measurements: a new run begins, or the rows have changed."""
+
+    def _hear(self, now: Situation) -> None:  # noqa: B027 - nor has it anything to hear
+        """Take the measurement, and how the last step turned out."""
+
+    @abstractmethod
+    def _choose(self, now: Situation) -> Proposal:
+        """The step over the joints that are free; may be asked several times in one period."""
 
 
 POLICIES: dict[str, type[StepPolicy]] = {}
@@ -93,4 +116,4 @@ def policy_of(kind: str, path: str = "") -> type[StepPolicy]:
 
 def masked(jacobian: Array, free: Mask) -> Array:
     """The (..., m, n) Jacobian with zeros in the columns of joints that may not move."""
-    return np.where(free[..., None, :], jacobian, 0.0)
+    return jacobian if all_of(free) else np.where(free[..., None, :], jacobian, 0.0)

@@ -13,35 +13,30 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vita.servo.policies.base import (
-    Mask,
-    Proposal,
-    Situation,
-    StepPolicy,
-    masked,
-    register,
-)
+from vita.servo.estimators.base import Estimate
+from vita.servo.policies.base import Mask, Proposal, Situation, StepPolicy, masked, register
+from vita.servo.policies.directions import Directions
+from vita.servo.small import all_of, some, whitening
 from vita.types import Array
 
-RHO = 0.03
-"""Damping by the Jacobian's covariance: rho m P is added to J'J."""
-NEAR = 3.0
+NEAR = 2.0
 """Near the goal: the full step's outcome is uncertain by less than so many times the noise variance."""
 KEEP = 0.95
 """Share of the old information on the goal that each period near it keeps."""
 MOVED_SIGMAS = 4.0
 """The goal itself has moved when new and old information disagree by more."""
-WORSE_PX, WORSE_SIGMAS = 50.0, 2.0
+WORSE_PX, WORSE_SIGMAS = 50.0, 2.5
 """No step may raise the sum of errors by more, should the Jacobian be wrong by so many deviations."""
-FIRST_RADIUS, LEAST_RADIUS, MOST_RADIUS = 0.4, 0.02, 0.5
+FIRST_RADIUS, LEAST_RADIUS, MOST_RADIUS = 0.4, 0.02, 0.4
 """Trust radius [rad]."""
 LEAST_GAIN, GAIN_RATE = 0.25, 1.6
 GOOD, BAD = 0.75, 0.25
 """Ratios of actual to predicted decrease of |e|^2 above and below which the last step was trusted
 too little and too much."""
 SHRINK, SHRINKS = 0.6, 6
+DITHER_PX, DITHER_FADING = 4.0, 40.0
+"""Dither for whole pixels: its first size [px], and that times the square of how often it was done."""
 MEAN_ABS = 0.8
 """Mean absolute value of a normal variable of deviation one, sqrt(2 / pi)."""
 
@@ -50,20 +45,35 @@ MEAN_ABS = 0.8
 class _Memory:
     """What is kept from one period to the next, for each run."""
 
+    first: Array
+    """(...,) the setting lambda, from which the gain starts."""
     gain: Array
     radius: Array
-    information: Array
-    """(..., n, n) of where the goal is [1/rad^2]."""
-    vector: Array
-    """(..., n) the same times the goal position [1/rad]."""
-    weight: Array
-    """(...,) how many measurements are in the information."""
-    free: Mask
     q: Array
     e: Array
     jacobian: Array
     whole: Mask
     """(...,) whether every error so far was a whole number of pixels."""
+    information: Array
+    """(..., n, n) of where the goal is [1/rad^2]."""
+    vector: Array
+    """(..., n) the same times the goal position [1/rad]."""
+    count: Array
+    """(...,) how many measurements are in the information; 1 far from the goal."""
+
+
+@dataclass(frozen=True)
+class _View:
+    """What this period's measurement says."""
+
+    ways: Directions
+    """Of J'J, or of what has been added up near the goal in its place."""
+    near: Mask
+    slope: Array
+    """(..., n) the right side that belongs to them, -J'e [px^2/rad]."""
+    direction: Array
+    """(..., n) the full step over the joints that are `free` [rad]."""
+    free: Mask
 
 
 @register
@@ -74,137 +84,157 @@ class UncertaintyDamped(StepPolicy):
 
     def __init__(self) -> None:
         self._memory: _Memory | None = None
+        self._view: _View | None = None
+        self._kept: tuple[Estimate, Mask, Directions] | None = None
         self._count = 0
 
     def restart(self) -> None:
-        self._memory = None
+        self._memory = self._view = self._kept = None
 
-    def step(self, now: Situation) -> Proposal:
-        jacobian = masked(now.estimate.jacobian, now.free)
-        memory = self._remembered(now, jacobian)
-        rows, n = jacobian.shape[-2:]
-        sigma2 = now.estimate.sigma**2
-        whiten = _whitening(now.estimate.covariance, now.free)
-        normal = jacobian.swapaxes(-1, -2) @ jacobian
-        slope = _times(jacobian.swapaxes(-1, -2), now.e)
-
-        rank = np.minimum(now.estimate.rank, rows)
-        full = _solve(normal, -slope, whiten, rows, rank)
-        variance = sigma2 + now.estimate.spread2(full)
+    def _hear(self, now: Situation) -> None:
+        memory = self._remembered(now)
+        estimate, rows = now.estimate, now.e.shape[-1]
+        jacobian = masked(estimate.jacobian, now.free)
+        ways = self._ways(estimate, now.free, jacobian)
+        slope = -np.vecmat(now.e, jacobian)
+        sigma2 = estimate.sigma**2
+        full = ways.solve(slope)
+        variance = sigma2 + estimate.spread2(full)
         near = variance < NEAR * sigma2
-        direction = full
-        fresh = _times(normal, now.q) - slope
-        if near.any():
-            keep = np.where(near, KEEP, 0.0)
-            info = keep[..., None, None] * memory.information + normal / variance[..., None, None]
-            vector = keep[..., None] * memory.vector + fresh / variance[..., None]
-            weight = keep * memory.weight + 1.0
-            share = variance / weight
-            averaged = _solve(
-                info * share[..., None, None], (vector - _times(info, now.q)) * share[..., None],
-                whiten, rows, rank,
-            )
-            apart = _times(jacobian, averaged - full)
-            moved = np.mean(apart**2, axis=-1) > MOVED_SIGMAS**2 * variance
-            use = near & ~moved
-            direction = np.where(use[..., None], averaged, full)
-        else:
-            use, info, vector, weight = near, normal, fresh, np.ones_like(variance)
-        stale = ~use
-        if stale.any():
-            info = np.where(stale[..., None, None], normal / variance[..., None, None], info)
-            vector = np.where(stale[..., None], fresh / variance[..., None], vector)
-            weight = np.where(stale, 1.0, weight)
-        memory.information, memory.vector, memory.weight = info, vector, weight
+        normal, right = ways.normal, slope
+        share = 1.0 / variance
+        information = share[..., None, None] * normal
+        vector = share[..., None] * (slope + np.matvec(normal, now.q))
+        direction, count = full, 0.0 * variance + 1.0
+        if some(near):
+            keep = KEEP * near
+            added = information + keep[..., None, None] * memory.information
+            summed = vector + keep[..., None] * memory.vector
+            counted = 1.0 + keep * memory.count
+            scale = variance / counted
+            mean = scale[..., None, None] * added
+            toward = scale[..., None] * (summed - np.matvec(added, now.q))
+            averaged = Directions(mean, ways.whiten, ways.rank, rows)
+            there = averaged.solve(toward)
+            apart = np.matvec(jacobian, there - full)
+            # Else the goal has moved: what was added up is of another one.
+            same = near & (np.vecdot(apart, apart) <= (rows * MOVED_SIGMAS**2) * variance)
+            if all_of(same):
+                information, vector, count = added, summed, counted
+                normal, right, direction, ways = mean, toward, there, averaged
+            elif some(same):
+                information, vector = _where(same, added, information), _where(same, summed, vector)
+                normal, right = _where(same, mean, normal), _where(same, toward, right)
+                count, direction = np.where(same, counted, count), _where(same, there, full)
+                ways = Directions(normal, ways.whiten, ways.rank, rows)
+        memory.information, memory.vector, memory.count = information, vector, count
+        memory.q, memory.e, memory.jacobian = now.q, now.e, jacobian
+        self._count += 1
+        self._view = _View(ways, near, right, direction, now.free)
 
-        length = np.maximum(np.linalg.norm(direction, axis=-1), 1e-12)
-        share = np.minimum(np.where(near, 1.0, memory.gain), memory.radius / length)
+    def _ways(self, estimate: Estimate, free: Mask, jacobian: Array) -> Directions:
+        """The directions of the present estimate, kept for as long as nothing is learned."""
+        kept = self._kept
+        if kept is None or kept[0] is not estimate or not (kept[1] is free or np.array_equal(kept[1], free)):
+            rows = jacobian.shape[-2]
+            rank = np.minimum(estimate.rank, rows)
+            found = Directions(jacobian.mT @ jacobian, whitening(estimate.covariance), rank, rows)
+            self._kept = kept = (estimate, free, found)
+        return kept[2]
+
+    def _choose(self, now: Situation) -> Proposal:
+        memory, view = self._memory, self._view
+        assert memory is not None and view is not None  # `step` hears before it chooses.
+        rows, jacobian, ways, direction = now.e.shape[-1], now.estimate.jacobian, view.ways, view.direction
+        if now.free is not view.free or not all_of(now.free):
+            both = now.free[..., :, None] & now.free[..., None, :]
+            whiten = whitening(_only(now.estimate.covariance, both))
+            ways = Directions(np.where(both, ways.normal, 0.0), whiten, ways.rank, rows)
+            direction = ways.solve(np.where(now.free, view.slope, 0.0))
+        length = np.maximum(np.sqrt(np.vecdot(direction, direction)), 1e-12)
+        share = np.minimum(memory.gain + view.near * (1.0 - memory.gain), memory.radius / length)
         dq = share[..., None] * direction
-        dq = self._not_much_worse(now, jacobian, dq, ~near)
-        dq = self._dithered(dq, near & memory.whole, normal, jacobian, whiten, rank)
-        memory.q, memory.e, memory.jacobian, memory.free = now.q, now.e, jacobian, now.free
-        return Proposal(np.where(now.free, dq, 0.0), rank, near)
+        if not all_of(view.near):
+            dq = self._not_much_worse(now, dq, ~view.near)
+        if not all_of(ways.used[..., ways.first :]):
+            dq = dq + ways.attempt(masked(jacobian, now.free), now.estimate, now.e, direction)
+        dither = view.near & memory.whole
+        if some(dither):
+            slope = np.vecmat(self._pattern(memory.count, rows), jacobian)
+            dq = _where(dither, dq + ways.solve(np.where(now.free, slope, 0.0)), dq)
+        return Proposal(now.free * dq, ways.rank, view.near)
 
-    def _remembered(self, now: Situation, jacobian: Array) -> _Memory:
+    def _remembered(self, now: Situation) -> _Memory:
         """The memory, brought up to date with how the last step turned out."""
         memory, runs, n = self._memory, now.q.shape[:-1], now.q.shape[-1]
-        whole = np.all(now.e == np.rint(now.e), axis=-1)
-        first = np.broadcast_to(np.asarray(now.gain, float), runs)
-        if memory is None or memory.e.shape != now.e.shape or not np.array_equal(memory.free, now.free):
-            gain = first.copy() if memory is None else memory.gain
-            radius = np.full(runs, FIRST_RADIUS) if memory is None else memory.radius
-            memory = _Memory(
-                gain, radius, np.zeros((*runs, n, n)), np.zeros((*runs, n)), np.zeros(runs),
-                now.free, now.q, now.e, jacobian, whole,
+        if memory is None or memory.e.shape != now.e.shape:
+            whole = np.logical_and.reduce(now.e == np.rint(now.e), axis=-1)
+            first = np.broadcast_to(np.asarray(now.gain, float), runs)
+            self._memory = memory = _Memory(
+                first, first, np.full(runs, FIRST_RADIUS), now.q, now.e, now.estimate.jacobian, whole,
+                np.zeros((*runs, n, n)), np.zeros((*runs, n)), np.zeros(runs),
             )
-            self._memory = memory
             return memory
-        memory.whole = memory.whole & whole
+        if some(memory.whole):
+            memory.whole = memory.whole & np.logical_and.reduce(now.e == np.rint(now.e), axis=-1)
         moved = now.q - memory.q
-        change = _times(memory.jacobian, moved)
-        before = np.sum(memory.e**2, axis=-1)
-        predicted = before - np.sum((memory.e + change) ** 2, axis=-1)
-        actual = before - np.sum(now.e**2, axis=-1)
-        # Inside the noise the ratio says nothing.
-        judged = (np.sum(change**2, axis=-1) > 25.0 * now.estimate.sigma**2) & (predicted > 0.0)
-        good, bad = judged & (actual > GOOD * predicted), judged & (actual < BAD * predicted)
-        length = np.linalg.norm(moved, axis=-1)
-        least = np.minimum(first, LEAST_GAIN)
-        memory.gain = np.where(good, np.minimum(memory.gain * GAIN_RATE, np.maximum(first, 1.0)), memory.gain)
-        memory.gain = np.where(bad, np.maximum(memory.gain / GAIN_RATE, least), memory.gain)
-        memory.radius = np.where(good, np.minimum(2.0 * memory.radius, MOST_RADIUS), memory.radius)
-        shorter = np.maximum(0.5 * np.minimum(memory.radius, length), LEAST_RADIUS)
-        memory.radius = np.where(bad, shorter, memory.radius)
+        change = np.matvec(memory.jacobian, moved)
+        size2 = np.vecdot(change, change)
+        first = np.broadcast_to(np.asarray(now.gain, float), runs)
+        if some(first != memory.first):
+            # A setting that people change is in force at once; from there the gain adapts again.
+            memory.gain = np.where(first == memory.first, memory.gain, first)
+            memory.first = first
+        # Inside the noise the ratio of actual to predicted progress says nothing.
+        if some(size2 > 25.0 * now.estimate.sigma**2):
+            self._judge(memory, now, moved, change)
         return memory
 
-    def _not_much_worse(self, now: Situation, jacobian: Array, dq: Array, far: Mask) -> Array:
+    def _judge(self, memory: _Memory, now: Situation, moved: Array, change: Array) -> None:
+        """Trust steps more or less, by what the last one did and what was expected of it."""
+        after, before, size2 = memory.e + change, np.vecdot(memory.e, memory.e), np.vecdot(change, change)
+        predicted = before - np.vecdot(after, after)
+        actual = before - np.vecdot(now.e, now.e)
+        judged = (size2 > 25.0 * now.estimate.sigma**2) & (predicted > 0.0)
+        good, bad = judged & (actual > GOOD * predicted), judged & (actual < BAD * predicted)
+        if some(good):
+            gain = np.minimum(memory.gain * GAIN_RATE, np.maximum(now.gain, 1.0))
+            memory.gain = np.where(good, gain, memory.gain)
+            memory.radius = np.where(good, np.minimum(2.0 * memory.radius, MOST_RADIUS), memory.radius)
+        if some(bad):
+            length = np.sqrt(np.vecdot(moved, moved))
+            shorter = np.maximum(0.5 * np.minimum(memory.radius, length), LEAST_RADIUS)
+            gain = np.maximum(memory.gain / GAIN_RATE, np.minimum(now.gain, LEAST_GAIN))
+            memory.gain = np.where(bad, gain, memory.gain)
+            memory.radius = np.where(bad, shorter, memory.radius)
+
+    def _not_much_worse(self, now: Situation, dq: Array, far: Mask) -> Array:
         """`dq` shortened until even a wrong Jacobian could not raise the error by much."""
-        bound = np.sum(np.abs(now.e), axis=-1) + WORSE_PX
+        bound = np.add.reduce(np.abs(now.e), axis=-1) + WORSE_PX
         rows = now.e.shape[-1]
         for _ in range(SHRINKS):
-            expected = np.sum(np.abs(now.e + _times(jacobian, dq)), axis=-1)
-            margin = MEAN_ABS * WORSE_SIGMAS * rows * np.sqrt(now.estimate.spread2(dq))
+            expected = np.add.reduce(np.abs(now.e + np.matvec(now.estimate.jacobian, dq)), axis=-1)
+            margin = (MEAN_ABS * WORSE_SIGMAS * rows) * np.sqrt(now.estimate.spread2(dq))
             worse = far & (expected + margin > bound)
-            if not worse.any():
+            if not some(worse):
                 break
-            dq = np.where(worse[..., None], SHRINK * dq, dq)
+            dq = _where(worse, SHRINK * dq, dq)
         return dq
 
-    def _dithered(
-        self, dq: Array, where: Mask, normal: Array, jacobian: Array, whiten: Array, rank: NDArray[np.int_]
-    ) -> Array:
-        """Half a pixel's worth of change added for trackers that report whole pixels: at rest their
-        rounding errors would never change and could not be averaged away."""
-        if not where.any():
-            return dq
-        self._count += 1
-        rows = jacobian.shape[-2]
+    def _pattern(self, count: Array, rows: int) -> Array:
+        """(..., m) a change of the error for trackers that report whole pixels: at rest their rounding
+        errors would never change, and could not be averaged away [px]. It fades as they are."""
+        size = np.minimum(DITHER_PX, DITHER_FADING / count**2)
         # Multiples of irrational numbers fill the cube evenly, and are the same in every run.
-        pattern = np.modf(self._count * np.sqrt(np.arange(2, 2 + rows) + 0.5))[0] - 0.5
-        slope = _times(jacobian.swapaxes(-1, -2), np.broadcast_to(pattern, (*dq.shape[:-1], rows)))
-        extra = _solve(normal, slope, whiten, rows, rank)
-        return np.where(where[..., None], dq + extra, dq)
+        steps = np.sqrt(np.arange(2, 2 + rows) + 0.5)
+        return size[..., None] * (np.modf(self._count * steps)[0] - 0.5)
 
 
-def _times(matrix: Array, vector: Array) -> Array:
-    return (matrix @ vector[..., None])[..., 0]
+def _where(runs: Mask, new: Array, old: Array) -> Array:
+    """`new` in the `runs` (...,) and `old` in the others."""
+    return np.where(runs.reshape(runs.shape + (1,) * (new.ndim - runs.ndim)), new, old)
 
 
-def _whitening(covariance: Array, free: Mask) -> Array:
-    """(..., n, n) W with W P W' = I over the free joints; the others stand for themselves."""
-    both = free[..., :, None] & free[..., None, :]
-    eye = np.eye(free.shape[-1])
-    return np.linalg.inv(np.linalg.cholesky(np.where(both, covariance, 0.0) + np.where(both, 0.0, eye)))
-
-
-def _solve(normal: Array, right: Array, whiten: Array, rows: int, rank: NDArray[np.int_]) -> Array:
-    """(J'J + rho m P)^-1 right, over the `rank` (...,) best known directions of motion.
-
-    What is best known is judged in coordinates in which every Jacobian entry has noise of variance one.
-    """
-    turned = whiten.swapaxes(-1, -2)
-    strength, axes = np.linalg.eigh(whiten @ normal @ turned)
-    n = strength.shape[-1]
-    used = np.arange(n) >= n - rank[..., None]  # in ascending order, the best last
-    factor = used / (np.maximum(strength, 0.0) + RHO * rows)
-    return _times(turned, _times(axes, factor * _times(axes.swapaxes(-1, -2), _times(whiten, right))))
+def _only(covariance: Array, both: Mask) -> Array:
+    """The covariance of the free joints; the others stand for themselves."""
+    return np.where(both, covariance, 0.0) + np.where(both, 0.0, np.eye(covariance.shape[-1]))
