@@ -15,6 +15,7 @@ import numpy as np
 from vita import commands as c
 from vita.errors import Untrackable
 from vita.scenario.schema import CameraSpec, ConstraintSpec, Scenario, TrackerSpec
+from vita.servo.insight import Finding, Insight
 from vita.snapshot import Snapshot
 from vita.types import ErrorVector, Feature, Joint, Notice, RowLabel, Status, Timing, Visual, frozen
 
@@ -58,6 +59,11 @@ class FakeRunner:
         self.stops = 0
         self.lost: set[str] = set()
         """Names of trackers that are reported lost."""
+        self.insight: Insight | None = None
+        self.findings: tuple[Finding, ...] = ()
+        self.ghost: dict[str, np.ndarray] = {}
+        self.ghost_poses: dict[str, np.ndarray] = {}
+        """What the servo knows and expects: published as they are."""
         self._queue: list[object] = []
         self._undo: list[Scenario] = []
         self._redo: list[Scenario] = []
@@ -233,6 +239,8 @@ class FakeRunner:
             features=features, scenario=s, error=error, can_undo=bool(self._undo),
             can_redo=bool(self._redo), notices=tuple(self._notices),
             timing=Timing(self._hz, {"track": 4.0, "servo": 0.3}), poses=poses,
+            insight=self.insight, findings=self.findings, ghost=dict(self.ghost),
+            ghost_poses=dict(self.ghost_poses),
         )
 
 

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 from task_text import TASK
@@ -19,6 +19,7 @@ from vita import cli
 from vita.errors import BadInput, MissingDependency
 from vita.scenario.library import shipped
 from vita.scenario.record import RunRecord
+from vita.servo.insight import Finding
 
 
 @pytest.fixture
@@ -44,9 +45,21 @@ def headless(monkeypatch: pytest.MonkeyPatch) -> list[tuple]:
         return make_record(**changes)
 
     module = ModuleType("vita.scenario.headless")
-    vars(module).update(run_scenario=run_scenario, degrees_of_freedom=lambda scenario: "2 rows hold 2 of 4")
+    vars(module).update(run_scenario=run_scenario)
     monkeypatch.setitem(sys.modules, "vita.scenario.headless", module)
+    checkup = ModuleType("vita.scenario.checkup")
+    finding = Finding("warning", "second_solution", "Also met with the hand turned by 180 degrees.")
+    vars(checkup).update(check_up=lambda scenario: FakeCheckup("2 rows hold 2 of 4", (finding,)))
+    monkeypatch.setitem(sys.modules, "vita.scenario.checkup", checkup)
     return asked
+
+
+class FakeCheckup(NamedTuple):
+    freedom: str
+    findings: tuple[Finding, ...]
+
+    def summary(self) -> dict[str, Any]:
+        return {"freedom": self.freedom, "findings": [f.code for f in self.findings]}
 
 
 def outcome(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
@@ -184,8 +197,11 @@ def test_a_missing_package_exits_with_3(
         raise ModuleNotFoundError("No module named 'pybullet'", name="pybullet")
 
     module = ModuleType("vita.scenario.headless")
-    vars(module).update(run_scenario=gone, degrees_of_freedom=gone)
+    vars(module).update(run_scenario=gone)
     monkeypatch.setitem(sys.modules, "vita.scenario.headless", module)
+    checkup = ModuleType("vita.scenario.checkup")
+    vars(checkup).update(check_up=gone)
+    monkeypatch.setitem(sys.modules, "vita.scenario.checkup", checkup)
     for verb in ("run", "check"):
         code, _, err = outcome(capsys, verb, task)
         assert code == 3 and "'pybullet' is missing" in err and err.count("\n") == 1
@@ -205,6 +221,16 @@ def test_check_says_what_a_task_holds(task: str, headless: list, capsys: pytest.
     assert (code, err) == (0, "")
     for words in ("Touch the card's corner", "wam7", "left, hand", "tip_on_corner_l", "2 rows hold 2 of 4"):
         assert words in out
+    assert "turned by 180 degrees" in out, "the doctor's findings are missing"
+
+
+def test_check_json_is_one_object_a_line(
+    task: str, headless: list, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, _ = outcome(capsys, "check", "--json", task, task)
+    rows = [json.loads(line) for line in out.splitlines()]
+    assert code == 0 and [row["scenario"] for row in rows] == [task, task]
+    assert rows[0]["findings"] == ["second_solution"] and rows[0]["robot"] == "wam7"
 
 
 def test_check_goes_on_after_a_bad_file(

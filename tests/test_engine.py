@@ -123,6 +123,7 @@ EDITS = [
     cmd.DeleteTracker("tip_left"),
     cmd.DeleteConstraint("meet left"),
     cmd.SetWeight("meet left", 3.0),
+    cmd.SetPriority("meet left", 2),
     cmd.ClearTask(),
     cmd.AddConstraint("point_to_point", ("goal_left", "tip_left"), name="again"),
 ]
@@ -168,6 +169,9 @@ BAD_EDITS = [
     (cmd.AddConstraint("point_to_point", ("tip_left", "nobody")), "unknown tracker"),
     (cmd.AddConstraint("point_to_point", ("tip_left", "goal_left"), -1.0), "weight"),
     (cmd.SetWeight("meet left", float("nan")), "weight"),
+    (cmd.SetPriority("meet left", 0), "priority"),
+    (cmd.SetPriority("meet left", True), "priority"),
+    (cmd.SetPriority("meet top", 2), "unknown constraint"),
     (cmd.SetWeight("meet top", 1.0), "unknown constraint"),
     (cmd.SetServo("gain", float("inf")), "servo.gain"),
     (cmd.SetServo("lambda", 0.1), "unknown setting"),

@@ -462,7 +462,8 @@ def test_settings_that_fit_only_together_can_be_set_together() -> None:
     task = override(
         loads(TASK), ["scene.robot=wam4", "scene.q0_deg=0,0,0,90", "limits.joint=[]"]
     )
-    assert task.scene.robot == "wam4" and task.servo == ServoConfig(gain=1.0, explore_deg=4.0, joints=(0, 1, 2, 3))
+    assert task.scene.robot == "wam4"
+    assert task.servo == ServoConfig(gain=1.0, explore_deg=4.0, joints=(0, 1, 2, 3))
 
 
 # Drift -------------------------------------------------------------------------------------------

@@ -9,7 +9,8 @@ import pytest
 
 import vita
 from vita.constraints import CONSTRAINTS
-from vita.scenario.headless import degrees_of_freedom, run_scenario
+from vita.scenario.checkup import degrees_of_freedom
+from vita.scenario.headless import run_scenario
 from vita.scenario.library import shipped, welcome
 from vita.scenario.record import RunRecord
 from vita.scenario.toml_io import dumps, loads

@@ -187,26 +187,30 @@ def _make_folder(folder: Path) -> None:
 
 def _fill_check(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("scenario", nargs="+", metavar="SCENARIO", help="a file or the name of a shipped one")
+    verb.add_argument("--json", action="store_true", help="one JSON object a line and nothing else")
 
 
 def _check(chosen: argparse.Namespace) -> int:
-    from vita.scenario.report import contents
     from vita.scenario.toml_io import load
 
     worst = 0
     for given in chosen.scenario:
         try:
-            scenario = load(given)
-            print(contents(given, scenario, _freedom(scenario)), flush=True)
+            print(_checked(given, load(given), chosen.json), flush=True)
         except (VitaError, ModuleNotFoundError) as error:
             worst = max(worst, complain(error))
     return worst
 
 
-def _freedom(scenario: Scenario) -> str:
-    from vita.scenario.headless import degrees_of_freedom
+def _checked(given: str, scenario: Scenario, as_json: bool) -> str:
+    from vita.scenario.checkup import check_up
+    from vita.scenario.report import contents
 
-    return degrees_of_freedom(scenario)
+    checkup = check_up(scenario)
+    if not as_json:
+        return contents(given, scenario, checkup.freedom, checkup.findings)
+    head = {"scenario": given, "title": scenario.title, "robot": scenario.scene.robot}
+    return json.dumps(head | checkup.summary(), allow_nan=False)
 
 
 def _fill_list(verb: argparse.ArgumentParser) -> None:
@@ -252,6 +256,38 @@ def _track(chosen: argparse.Namespace) -> int:
     return track(Request(c.source, tuple(c.at), c.tracker, c.out, c.show, c.first, c.frames))
 
 
+# experiment -------------------------------------------------------------------------------------
+
+
+def _fill_experiment(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument("name", nargs="*", metavar="NAME", help="an experiment, or all (--list names them)")
+    verb.add_argument("--list", action="store_true", help="name the experiments and what each one asks")
+    verb.add_argument("--quick", action="store_true", help="a thinner sweep, under 30 s each")
+    verb.add_argument("--workers", type=_whole, metavar="N", help="processes (default: one for each core)")
+    verb.add_argument("--scheduler", default="", metavar="ADDRESS", help="let a Dask cluster do the work")
+    verb.add_argument(
+        "--out", type=Path, default=Path("out/experiments"), metavar="DIR",
+        help="write report, CSV and plots to DIR/NAME (default %(default)s)",
+    )  # fmt: skip
+    verb.add_argument("--seed", type=_whole, default=0, metavar="N", help="of the noise; default %(default)s")
+
+
+def _whole(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and len(text) < 10):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number")
+    return int(text)
+
+
+def _experiment(chosen: argparse.Namespace) -> int:
+    from vita.experiments.runner import Request, listing, run_experiments
+
+    c = chosen
+    if c.list:
+        print(listing())
+        return 0
+    return run_experiments(Request(tuple(c.name), c.quick, c.workers, c.scheduler, c.out, c.seed))
+
+
 Fill = Callable[[argparse.ArgumentParser], None]
 Run = Callable[[argparse.Namespace], int]
 VERBS: dict[str, tuple[str, Fill, Run]] = {
@@ -260,6 +296,7 @@ VERBS: dict[str, tuple[str, Fill, Run]] = {
     "check": ("say whether scenario files are right, and what is wrong where", _fill_check, _check),
     "list": ("list the scenarios that ship", _fill_list, _list),
     "track": ("follow places in your own video, images or camera", _fill_track, _track),
+    "experiment": ("run the documents' experiments and report their figures", _fill_experiment, _experiment),
 }
 
 

@@ -85,6 +85,13 @@ class SetWeight:
 
 
 @dataclass(frozen=True)
+class SetPriority:
+    name: str
+    priority: int
+    """1 is the most important."""
+
+
+@dataclass(frozen=True)
 class ClearTask:
     """Delete every tracker and constraint (undo brings them back)."""
 
@@ -159,6 +166,7 @@ Command = (
     | AddConstraint
     | DeleteConstraint
     | SetWeight
+    | SetPriority
     | ClearTask
     | Undo
     | Redo

@@ -153,6 +153,8 @@ class Editor:
                 self._commit(task.without_constraint(command.name), seen)
             case cmd.SetWeight():
                 self._commit(task.with_weight(command.name, command.weight), seen)
+            case cmd.SetPriority():
+                self._commit(task.with_priority(command.name, command.priority), seen)
             case cmd.ClearTask():
                 self._commit(Task(), seen)
             case _:

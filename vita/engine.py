@@ -268,6 +268,7 @@ class Engine:
                 cmd.AddConstraint,
                 cmd.DeleteConstraint,
                 cmd.SetWeight,
+                cmd.SetPriority,
                 cmd.ClearTask,
                 cmd.Undo,
                 cmd.Redo,

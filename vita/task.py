@@ -20,6 +20,8 @@ from vita.vision.base import Tracker
 
 MAX_ITEMS = 64
 NAME = re.compile(r"[A-Za-z0-9 _.\-]{1,64}")
+LEAST_PRIORITY = 9
+"""The least important priority that a constraint may have."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,7 @@ class Task:
         if len(set(spec.points)) != len(spec.points):
             raise BadInput(f"{constraint.title}: a point is used twice in {list(spec.points)}")
         check_weight(spec.weight)
+        check_priority(spec.priority)
         constraint.check(np.concatenate([features[p].points for p in spec.points]))
         return replace(self, constraints=(*self.constraints, spec))
 
@@ -120,18 +123,29 @@ class Task:
         return replace(self, constraints=tuple(c for c in self.constraints if c.name != name))
 
     def with_weight(self, name: str, weight: float) -> Task:
-        self.constraint(name)
         check_weight(weight)
-        return replace(
-            self,
-            constraints=tuple(replace(c, weight=weight) if c.name == name else c for c in self.constraints),
-        )
+        return self._with(name, weight=weight)
+
+    def with_priority(self, name: str, priority: int) -> Task:
+        check_priority(priority)
+        return self._with(name, priority=priority)
+
+    def _with(self, name: str, **changes: float) -> Task:
+        """The task with a constraint changed. Raises `UnknownName`."""
+        self.constraint(name)
+        changed = (replace(c, **changes) if c.name == name else c for c in self.constraints)
+        return replace(self, constraints=tuple(changed))
 
 
 def check_weight(weight: object) -> None:
     number = isinstance(weight, (int, float)) and not isinstance(weight, bool)
     if not number or not 0.0 < weight <= 1e3:  # type: ignore[operator]
         raise BadInput(f"a weight is a number above 0 and at most 1000, got {weight!r}")
+
+
+def check_priority(priority: object) -> None:
+    if isinstance(priority, bool) or not isinstance(priority, int) or not 1 <= priority <= LEAST_PRIORITY:
+        raise BadInput(f"a priority is 1 (the most important) to {LEAST_PRIORITY}, got {priority!r}")
 
 
 def free_name(prefix: str, taken: Iterable[str], form: Callable[[str, int], str] = "{}{}".format) -> str:

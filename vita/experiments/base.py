@@ -6,6 +6,7 @@ several worker processes, or on a Dask cluster, with the same result: its seed i
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -41,6 +42,31 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Check:
+    """A figure that is to be reached. One that is missed makes the command's exit code 1."""
+
+    what: str
+    """What is measured, with its unit."""
+    ours: float
+    least: float = -math.inf
+    most: float = math.inf
+    """The figure must lie between `least` and `most`."""
+
+    @property
+    def met(self) -> bool:
+        return self.least <= self.ours <= self.most
+
+    @property
+    def wanted(self) -> str:
+        """The bounds in words."""
+        if self.least == self.most:
+            return f"{self.least:g}"
+        low = f"at least {self.least:g}" if math.isfinite(self.least) else ""
+        high = f"at most {self.most:g}" if math.isfinite(self.most) else ""
+        return " and ".join(filter(None, (low, high))) or "any"
+
+
+@dataclass(frozen=True)
 class Report:
     """What an experiment found."""
 
@@ -52,6 +78,8 @@ class Report:
     """File name (without .csv) to all figures, one row for each setting."""
     figures: Mapping[str, Figure] = field(default_factory=dict)
     """File name (without .png) to plot."""
+    checks: Sequence[Check] = ()
+    """The figures to reach."""
 
 
 class Experiment(ABC):

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vita.types import Array
+from vita.types import Array, frozen
+
+UP = frozen([0.0, 0.0, 1.0])
+"""World z, which is up in the images."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +39,12 @@ class Cameras:
         return points[..., None, :, :] @ turn.swapaxes(-1, -2) + shift
 
 
-def look_at(eye: Array, target: Array, up: Array = np.array([0.0, 0.0, 1.0])) -> Array:
+def look_at(eye: Array, target: Array, up: Array = UP) -> Array:
     """(..., 4, 4) T_camera_world of cameras at `eye` (..., 3) that look at `target` (..., 3) [m]."""
     return facing(eye, target - eye, up)
 
 
-def facing(eye: Array, forward: Array, up: Array = np.array([0.0, 0.0, 1.0])) -> Array:
+def facing(eye: Array, forward: Array, up: Array = UP) -> Array:
     """(..., 4, 4) T_camera_world of cameras at `eye` (..., 3) that look along `forward` (..., 3)."""
     eye, forward = np.broadcast_arrays(np.asarray(eye, float), np.asarray(forward, float))
     z = forward / np.linalg.norm(forward, axis=-1, keepdims=True)

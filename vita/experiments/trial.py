@@ -10,6 +10,7 @@ import numpy as np
 from vita.experiments.arms import Arm
 from vita.experiments.cameras import Cameras, Reading
 from vita.servo.estimators import Tuning, estimator_of, first_estimate
+from vita.servo.estimators.base import Mask
 from vita.servo.policies import Situation, policy_of
 from vita.types import Array
 
@@ -86,10 +87,10 @@ class Runs:
     """(runs, n) where it ended."""
 
     @property
-    def diverged(self) -> Array:
+    def diverged(self) -> Mask:
         """(runs,) bool by the thesis' rule, on the true error."""
-        grew = (np.diff(self.error, axis=-1) > JUMP_PX).any(-1)
-        return grew | ~np.isfinite(self.error).all(-1)
+        grew = (self.error[..., 1:] > self.error[..., :-1] + JUMP_PX).any(-1)
+        return np.asarray(grew | ~np.isfinite(self.error).all(-1))
 
     def steps_to(self, bound: Array | float) -> Array:
         """(runs,) first step at which the error is below `bound` [px]; NaN for never."""
@@ -97,13 +98,14 @@ class Runs:
         return np.where(below.any(-1), below.argmax(-1), np.nan)
 
 
-def explore(world: World, delta: float, random: np.random.Generator) -> Array:
-    """(runs, m, n) Jacobian by forward differences of `delta` [rad] (thesis eq. 2.17)."""
+def explore(world: World, delta: float | Array, random: np.random.Generator) -> Array:
+    """(runs, m, n) Jacobian by forward differences of `delta` (one or (runs,)) [rad] (thesis eq. 2.17)."""
+    size = np.broadcast_to(np.asarray(delta, float), world.q0.shape[:-1])
     start, columns = world.measure(world.q0, random), []
     for i in range(world.arm.n):
-        dq = np.zeros(world.arm.n)
-        dq[i] = delta
-        columns.append((world.measure(world.q0 + dq, random) - start) / delta)
+        q = world.q0.copy()
+        q[..., i] += size
+        columns.append((world.measure(q, random) - start) / size[..., None])
     return np.stack(columns, axis=-1)
 
 
@@ -111,33 +113,56 @@ def run(
     world: World,
     method: Method,
     *,
-    gain: float,
-    delta: float,
+    gain: float | Array,
+    delta: float | Array,
     steps: int,
     seed: int,
     each: Callable[[int], None] | None = None,
 ) -> Runs:
-    """Explore by `delta` [rad], then servo for `steps` steps with lambda = `gain`."""
+    """Explore by `delta` [rad], then servo for `steps` steps with lambda = `gain`.
+
+    Both may be one for all or one for each run (runs,).
+    A run that has diverged stands still from then on: its user would have stopped the robot.
+    """
     random = np.random.default_rng(seed)
     q = world.q0.copy()
     start = first_estimate(explore(world, delta, random), delta, method.sigma_px)
     values = np.linalg.svd(start.jacobian, compute_uv=False)[..., : min(6, world.arm.n)]
     estimator = estimator_of(method.estimator)(start, None, method.tuning)
     policy = policy_of(method.policy)()
-    error, distance = [np.abs(world.features(q) - world.features(world.goal)).sum(-1)], [world.distance(q)]
+    error, distance = [_summed(world, q)], [world.distance(q)]
+    limits = world.arm.limits.T if world.limited else (-np.inf, np.inf)
+    stopped = np.zeros(q.shape[:-1], bool)
+    gone = stopped.copy()
     for number in range(steps):
-        e = world.measure(q, random)
-        estimator.observe(q, e)
-        free = np.ones(q.shape, bool)
-        now = Situation(q, e, estimator.estimate, free, gain, method.damping)
-        dq = policy.step(now).dq
+        # A run may leave every sensible range before it is stopped: that is a result, not a mistake.
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            e = world.measure(q, random)
+            gone = gone | ~np.isfinite(e).all(-1)
+            e = np.where(gone[..., None], 0.0, e)
+            estimator.observe(q, e)
+            e = estimator.believed(e)
+            now = Situation(
+                q, e, estimator.estimate, np.ones(q.shape, bool), gain, method.damping, *limits
+            )  # fmt: skip
+            dq = policy.step(now).dq
+        gone = gone | ~np.isfinite(dq).all(-1)
+        dq = np.where((stopped | gone)[..., None], 0.0, dq)
         q = q + (_inside(q, dq, world.arm.limits) if world.limited else dq)
-        error.append(np.abs(world.features(q) - world.features(world.goal)).sum(-1))
+        error.append(np.where(gone, np.inf, _summed(world, q)))
         distance.append(world.distance(q))
+        stopped = stopped | (error[-1] > error[-2] + JUMP_PX)
         if each is not None:
             each(number)
     condition = values[..., 0] / np.maximum(values[..., -1], 1e-12)
     return Runs(np.stack(error, -1), np.stack(distance, -1), condition, q)
+
+
+def _summed(world: World, q: Array) -> Array:
+    """(runs,) sum of the absolute true errors [px]; a point in a camera's own plane is infinitely far."""
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        total = np.abs(world.features(q) - world.features(world.goal)).sum(-1)
+    return np.where(np.isfinite(total), total, np.inf)
 
 
 def _inside(q: Array, dq: Array, limits: Array) -> Array:

@@ -14,8 +14,7 @@ from vita.rig import SimulatedRig
 from vita.scenario.judge import final_distance_mm, judged
 from vita.scenario.record import RunRecord
 from vita.scenario.schema import Scenario, ScriptSpec
-from vita.servo import Controller, outcome_of
-from vita.servo.law import damped_inverse
+from vita.servo import outcome_of
 from vita.snapshot import Snapshot
 from vita.types import JointStep
 
@@ -144,40 +143,3 @@ def _record(engine: Engine, scenario: Scenario, recorder: _Recorder, name: str) 
         final_distance_mm=distance,
         name=name,
     )
-
-
-def degrees_of_freedom(scenario: Scenario) -> str:
-    """A sentence on how many joint motions the task holds, found by exploring in simulation.
-
-    Uses the trackers on rendered images, as a run would, and moves nothing but the simulation.
-    """
-    from vita.sim.lockstep import LockstepRig
-
-    if not scenario.constraint:
-        return "no constraints: nothing holds the arm"
-    with LockstepRig(scenario) as rig:
-        engine = Engine(rig, scenario)
-        used = engine.controller.used
-        jacobian = _explored(engine)
-    if jacobian is None:
-        return f"{engine.controller.status.message}"
-    values = damped_inverse(jacobian[:, list(used)], 0.0).singular_values
-    rank = int(np.count_nonzero(values > 0.02 * values[0])) if values.size and values[0] > 0 else 0
-    rows = jacobian.shape[0]
-    text = f"{rows} error rows hold {rank} of {len(used)} joint motions"
-    if rank < len(used):
-        text += "; the others stay free (the smallest motion is taken)"
-    if rows > rank:
-        text += f"; {rows - rank} more than it takes"
-    return text
-
-
-def _explored(engine: Engine) -> np.ndarray | None:
-    """The Jacobian that a run would learn first, or None with the reason in the controller."""
-    controller: Controller = engine.controller
-    controller.start(even_if_met=True)
-    for _ in range(3000):
-        engine.tick()
-        if controller.status.state != "learning":
-            break
-    return controller.jacobian if controller.jacobian.size else None

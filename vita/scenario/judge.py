@@ -18,7 +18,8 @@ def final_distance_mm(rig: SimulatedRig, scenario: Scenario) -> float | None:
     goal = rig.locate(wanted.to, wanted.at)
     gap = rig.locate(wanted.of, wanted.point) - goal
     if wanted.along is not None:
-        direction = rig.locate(wanted.to, np.add(wanted.at, wanted.along)) - goal
+        beyond = [a + b for a, b in zip(wanted.at, wanted.along, strict=True)]
+        direction = rig.locate(wanted.to, beyond) - goal
         direction = direction / np.linalg.norm(direction)
         gap = gap - (gap @ direction) * direction
     return 1e3 * float(np.linalg.norm(gap))

@@ -6,7 +6,7 @@ import json
 import math
 import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -97,8 +97,8 @@ class RunRecord:
         arrays["state"] = np.array(self.state, dtype=np.str_)
         arrays["trackers"] = np.array(self.trackers, dtype=np.str_)
         arrays["labels"] = np.array(
-            [(r.constraint, r.camera, r.component) for r in self.labels], dtype=np.str_
-        ).reshape(-1, 3)
+            [(r.constraint, r.camera, r.component, r.priority) for r in self.labels], dtype=np.str_
+        ).reshape(-1, 4)
         story = self.summary() | {
             "message": self.message,
             "final_distance_mm": None if self.final_distance_mm is None else _finite(self.final_distance_mm),
@@ -142,7 +142,7 @@ class RunRecord:
                 passed=story["passed"],
                 final_distance_mm=story["final_distance_mm"],
                 name=story["scenario"],
-                labels=tuple(RowLabel(*map(str, row)) for row in arrays.pop("labels")),
+                labels=tuple(_label(row) for row in arrays.pop("labels")),
                 state=tuple(map(str, arrays.pop("state"))),
                 trackers=tuple(map(str, arrays.pop("trackers"))),
                 **{key: arrays[key] for key in _ARRAYS},
@@ -164,6 +164,12 @@ def _with(base: Path, suffix: str) -> Path:
 
 def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
+
+
+def _label(row: Sequence[str]) -> RowLabel:
+    """A row's label from its text; recordings of before there were priorities have none."""
+    constraint, camera, component, *priority = map(str, row)
+    return RowLabel(constraint, camera, component, *(int(p) for p in priority))
 
 
 def _or_nan(value: float | None) -> float:

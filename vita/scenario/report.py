@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
+import textwrap
 from collections.abc import Sequence
 
 from vita.scenario.record import RunRecord
 from vita.scenario.schema import Scenario
+from vita.servo.insight import Finding
 
 _COLUMNS = "    {name:<{width}}  {outcome:<10} {error:>9} {distance:>9} {time:>7}  {reason}"
 
@@ -60,8 +62,8 @@ def _number(value: float | None, digits: int) -> str:
     return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
 
 
-def contents(given: str, scenario: Scenario, freedom: str) -> str:
-    """What a valid scenario holds."""
+def contents(given: str, scenario: Scenario, freedom: str, findings: Sequence[Finding] = ()) -> str:
+    """What a valid scenario holds, and what the doctor says of it."""
     lines = [
         f"{mark(True)} {given}: {scenario.title}",
         f"    robot        {scenario.scene.robot}, tool {scenario.scene.tool}",
@@ -73,7 +75,20 @@ def contents(given: str, scenario: Scenario, freedom: str) -> str:
         head = "constraints" if i == 0 else ""
         lines.append(f"    {head:<12} {constraint.name}: {constraint.kind} of {', '.join(constraint.points)}")
     lines.append(f"    freedom      {freedom}")
+    for i, finding in enumerate(findings):
+        head = "findings" if i == 0 else ""
+        lines += _wrapped(f"    {head:<12} ", f"{_SIGNS[finding.level]} {finding.text}")
     return "\n".join(lines)
+
+
+_SIGNS = {"bad": "!!", "warning": "! ", "info": "- ", "good": "ok"}
+_WIDTH = 110
+
+
+def _wrapped(head: str, text: str) -> list[str]:
+    """A paragraph beside its heading; what follows the first line stands under the words."""
+    indent = " " * (len(head) + 3)
+    return textwrap.wrap(head + text, _WIDTH, subsequent_indent=indent, drop_whitespace=True)
 
 
 def _names(names: Sequence[str]) -> str:

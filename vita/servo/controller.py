@@ -248,7 +248,7 @@ class Controller:
                 self.status = replace(self.status, message=said)
         elif self._diverged.update(error.norm):
             self.halt("diverged", error=error.norm, best=self._diverged.best)
-        elif self._stalled.update(error.norm, q):
+        elif self._stalled.update(error.norm, q) and left > config.tolerance_px:
             blocked = steering.blocked(q, error)
             if blocked:
                 self.halt("joint_limit", culprit=f"Joint {self.joints[blocked[0]].name}")

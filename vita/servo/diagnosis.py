@@ -70,9 +70,11 @@ def _free(found: Diagnosis) -> list[Finding]:
 def _conflicts(found: Diagnosis) -> list[Finding]:
     if not found.conflicting:
         return []
+    one = len(found.conflicting) == 1
     text = (
-        f"{quoted(found.conflicting)} cannot all be met: {found.conflict_px:.0f} px of error would stay, "
-        "whatever the joints do from here (to first order). Move one of their goals, or delete one."
+        f"{quoted(found.conflicting)} cannot {'be met with the others' if one else 'all be met'}: "
+        f"{found.conflict_px:.0f} px of error would stay, whatever "
+        " the joints do from here (to first order). Move one of their goals, or delete one."
     )
     return [Finding("warning", "conflict", text)]
 

@@ -28,7 +28,8 @@ GONE = 0.05
 """A direction that keeps less than this share of its singular value (or of the strength that noise alone
 gives it) is taken to be gone: what is left is noise."""
 BLAME = 0.5
-"""A constraint is part of a contradiction when it is gone by half or more without that constraint."""
+"""A constraint is part of a contradiction when without it no more than this share is left of what (squared)
+cannot be removed."""
 
 
 def diagnose(

@@ -57,6 +57,7 @@ class Steering:
         self._rows: tuple[bool, ...] = ()
         self._stamp: float | None = None
         self._dt = 0.0
+        self._believed = self._e[-1]
         self._posture = self._q[0]
         self._last: tuple[Array, Array] | None = None
         self._learned_from: tuple[Array, Array] | None = None
@@ -66,7 +67,8 @@ class Steering:
 
     @property
     def estimate(self) -> Estimate:
-        return self._estimator.estimate
+        """While a goal that moves is followed, its motion and the Jacobian are learned together."""
+        return self._motion.estimate if self._follows else self._estimator.estimate
 
     def restart(self) -> None:
         """A new run begins with the Jacobian that is known."""
@@ -80,9 +82,12 @@ class Steering:
         if config.policy != self._policy.kind:
             self._policy = policy_of(config.policy)()
         changed = config.estimator != self._estimator.kind
-        self.config = config
-        if changed:
-            self._estimator = self._new_estimator(self.estimate)
+        stands_still = self._follows and config.moving_goal == 0.0
+        known, self.config = self.estimate, config
+        if changed or stands_still:
+            self._estimator = self._new_estimator(known)
+        if stands_still:
+            self._motion.reset()
         self._estimator.tuning = _tuning(config)
 
     def _new_estimator(self, start: Estimate) -> JacobianEstimator:
@@ -93,16 +98,19 @@ class Steering:
 
     def hear(self, stamp: float, q: Array, error: ErrorVector) -> None:
         """Learn from the joints `q` (n,) [rad] and the error measured at `stamp` [s]."""
-        e = error.values
+        e = self._believed = error.values
         self._dt = min(stamp - self._stamp, LONGEST_PERIOD_S) if self._stamp is not None else 0.0
         self._stamp = stamp
+        before = self.estimate
         if self.config.moving_goal > 0.0:
-            self._motion.update(stamp, q, e, self.estimate)
-            e = self._motion.still(e)
-        before = self.estimate.jacobian
-        if np.any(self._estimator.observe(q, e)) and self._last is not None:
+            self._motion.update(stamp, q, e, before)
+        else:
+            self._estimator.observe(q, e)
+            self._believed = self._estimator.believed(e)
+        learned = self.estimate is not before
+        if learned and self._last is not None:
             q0, e0 = self._last
-            self._learned_from = before @ (q - q0), e - e0
+            self._learned_from = before.jacobian @ (q - q0), e - e0
             self._last = q, e
         elif self._last is None:
             self._last = q, e
@@ -118,7 +126,7 @@ class Steering:
         followed = self._motion.followed if self._follows else np.zeros_like(q)
         lower, upper = self.limits
         now = Situation(
-            q - followed, error.weights[rows] * error.values[rows], self.weighted(error), self.mask, gain,
+            q - followed, error.weights[rows] * self._believed[rows], self.weighted(error), self.mask, gain,
             self.config.damping, lower - followed, upper - followed,
         )  # fmt: skip
         priorities = np.array([label.priority for label in error.labels])[rows]
@@ -128,7 +136,7 @@ class Steering:
             ahead = self.config.moving_goal * self._dt * self._motion.speed
             dq = dq + np.where(self.mask & ~pushes(q, ahead, lower, upper), ahead, 0.0)
         if self.config.secondary != "none":
-            dq = dq + self._secondary(q, now)
+            dq = dq + self._secondary(q, now, bool(proposal.near))
         step = Step(dq, proposal)
         self._insight = error, step
         return step
@@ -196,13 +204,13 @@ class Steering:
         self._weighted = estimate, key, made
         return made
 
-    def _secondary(self, q: Array, now: Situation) -> Array:
+    def _secondary(self, q: Array, now: Situation, near: bool) -> Array:
         wanted = self.config.posture_deg
         posture = self._posture if wanted is None else np.radians(wanted)
         estimate = now.estimate
         return secondary_step(
             self.config.secondary, q, *self.limits, posture, estimate.jacobian, estimate.rank,
-            estimate.covariance, now.free,
+            estimate.covariance, now.free, now.e, estimate.sigma, bool(near),
         )  # fmt: skip
 
 

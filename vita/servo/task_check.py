@@ -101,14 +101,14 @@ def _pair(first: Term, second: Term, places: Mapping[str, Array]) -> Finding | N
     if kinds == ("point_to_point", "point_to_point"):
         return _verdict(first, second, float(np.linalg.norm(a[1] - b[1])), "px apart")
     if kinds == ("point_to_point", "point_to_line"):
-        off = abs(signed_distance(a[1], b[1], b[2]))
+        off = abs(float(signed_distance(a[1], b[1], b[2])))
         return None if off <= SAME_PX else _verdict(first, second, off, "px from the line")
     if first.kind != second.kind or len(a) - moving != 2:
         return None
     angle = _angle_deg(a[moving:], b[moving:])
     if first.kind == "parallel_lines":
         return _verdict(first, second, angle, "degrees apart", SAME_DEG)
-    off = max(abs(signed_distance(p, b[moving], b[moving + 1])) for p in a[moving:])
+    off = max(abs(float(signed_distance(p, b[moving], b[moving + 1]))) for p in a[moving:])
     if first.kind == "point_to_line":
         # Two lines that cross hold the point where they do.
         return None if angle > SAME_DEG else _verdict(first, second, off, "px apart and parallel")

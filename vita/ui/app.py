@@ -20,7 +20,16 @@ from vita.ui.audience import Audience
 from vita.ui.board import Board
 from vita.ui.compose import Composer
 from vita.ui.hotkeys import add_hotkeys
-from vita.ui.panels import Desk, FilesPanel, Panel, RunPanel, ServoPanel, TaskPanel, ViewPanel
+from vita.ui.panels import (
+    Desk,
+    FilesPanel,
+    KnowledgePanel,
+    Panel,
+    RunPanel,
+    ServoPanel,
+    TaskPanel,
+    ViewPanel,
+)
 from vita.ui.plots import Plots
 from vita.ui.ports import check_free
 from vita.ui.safe import guarded, log
@@ -128,12 +137,15 @@ class App:
         with tabs.add_tab("Files", viser.Icon.FOLDER):
             files = FilesPanel(desk)
         with tabs.add_tab("View", viser.Icon.EYE):
-            view = ViewPanel(desk, audience.display, audience.encoder, actions, audience.set_pane)
+            view = ViewPanel(
+                desk, audience.display, audience.encoder, actions, audience.set_pane, audience.set_foresee
+            )
         tabs.dock_below(gui.main_panel)
         plots = gui.add_panel()
         self.plots = Plots(gui, plots)
+        knowledge = KnowledgePanel(gui, plots.add_tab("Knowledge", viser.Icon.GAUGE))
         plots.dock_below(tabs)
-        self.panels = [self.run, task, servo, files, view]
+        self.panels = [self.run, task, servo, files, view, knowledge]
 
     def _submit(self, command: object) -> None:
         self.runner.submit(command)

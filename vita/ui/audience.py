@@ -12,10 +12,11 @@ from vita.snapshot import Snapshot
 from vita.types import Visual
 from vita.ui import pointer
 from vita.ui.board import Board
+from vita.ui.mesh import Mesh
 from vita.ui.panels.view import Display
 from vita.ui.safe import log
 from vita.ui.stream import Encoder, Stream
-from vita.ui.world3d import Mesh, prepare
+from vita.ui.world3d import prepare
 
 
 class Audience:
@@ -54,13 +55,19 @@ class Audience:
         for board in list(self.boards.values()):
             board.later(lambda board=board: board.set_pane(shown))
 
+    def set_foresee(self, shown: bool) -> None:
+        """Show or hide the next step everywhere."""
+        self.display.foresee = shown
+        for board in list(self.boards.values()):
+            board.foresee = shown
+
     def stop(self) -> None:
         for stream in list(self._streams.values()):
             stream.stop()
 
     def _arrived(self, client: viser.ClientHandle) -> None:
         board = self._make_board(client)
-        board.pane = self.display.pane
+        board.pane, board.foresee = self.display.pane, self.display.foresee
         self.boards[client.client_id] = board
 
         def show(snapshot: Snapshot) -> None:

@@ -15,22 +15,24 @@ import viser
 
 from vita.scenario.schema import CameraSpec
 from vita.snapshot import Snapshot
+from vita.types import Array
 from vita.ui.compose import Composer
+from vita.ui.ghost import Ghosts
 from vita.ui.labels import LabelPool
 from vita.ui.layout import Layout, arrange
 from vita.ui.lens import Lens
 from vita.ui.loupe import PointerLoupe
-from vita.ui.overlay import draw
+from vita.ui.mesh import Mesh
+from vita.ui.overlay import NO_GHOSTS, draw
 from vita.ui.picking import Picking
 from vita.ui.pointer import hold_still
 from vita.ui.trails import Trails
 from vita.ui.view_nodes import ViewNodes
-from vita.ui.world3d import Mesh, World3D
+from vita.ui.world3d import SCENE_CENTER, World3D, looking
 
 FAR_BELOW = 2.0e5
 """Where the big 3D world stands: far outside what the board's lens can see [board units]."""
 WORLD_SCALE = 1000.0
-SCENE_CENTER = np.array([0.35, 0.0, 0.30])
 SCENE_SIZE = (2.6, 1.5)
 """Width and height of what the small 3D view should show [m]."""
 UPRIGHT = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -59,10 +61,12 @@ class Board:
         self.snapshot: Snapshot | None = None
         self.mode: Mode = "cameras"
         self.pane = True
+        self.foresee = True
+        """Whether the next step is shown, on the images and in 3D."""
         self.hover: tuple[float, float] | None = None
         """Where the pointer rests over the pictures (0 to 1 each), as the browser told last."""
         self.loupe = PointerLoupe(client.scene)
-        self._trails = Trails()
+        self._trails, self._ghosts = Trails(), Ghosts()
         self._views: dict[str, ViewNodes] = {}
         self._closeup: str | None = None
         self._jobs: deque[Callable[[], None]] = deque()
@@ -98,17 +102,19 @@ class Board:
             return
         if self.mode == "world":
             self._big.update(snapshot.poses)
+            self._big.foresee(self._ghost_poses(snapshot), snapshot.poses)
             return
         unit, aim = self.lens.unit(), self._aim()
         self._magnify(snapshot, aim, unit)
         self._trails.add(snapshot)
+        ghosts = self._ghosts.update(snapshot) if self.foresee else NO_GHOSTS
         for name, view in self._views.items():
             if name in encoded:
                 view.show_picture(encoded[name])
             cell = self.layout.cells[name]
             drawing = draw(
                 name, cell, snapshot, self._composer, unit / cell.scale, self.picking.dragged, self._trails,
-                aim[1] if aim is not None and aim[0] == name else None,
+                aim[1] if aim is not None and aim[0] == name else None, ghosts,
             )
             covered = self.loupe.box
             if covered is not None:  # labels would shine through the loupe
@@ -116,6 +122,10 @@ class Board:
             view.stroke(cell, drawing, unit / cell.scale)
         if self.layout.pane is not None and self.pane:
             self._small.update(snapshot.poses)
+            self._small.foresee(self._ghost_poses(snapshot), snapshot.poses)
+
+    def _ghost_poses(self, snapshot: Snapshot) -> Mapping[str, Array]:
+        return snapshot.ghost_poses if self.foresee else {}
 
     def _aim(self) -> tuple[str, tuple[float, float]] | None:
         """The camera and the pixel that are being chosen: by a hand that holds the button down, or by
@@ -185,7 +195,7 @@ class Board:
             self._small.place((0.0, 0.0, 0.0), np.eye(3), False)
             return
         self._small.rescale(min(pane.w / SCENE_SIZE[0], pane.h / SCENE_SIZE[1]))
-        rotation = _looking(np.array([1.6, -1.5, 1.15]))
+        rotation = looking(np.array([1.6, -1.5, 1.15]))
         center = rotation @ SCENE_CENTER * self._small.scale
         x, y = pane.center
         self._small.place((x - center[0], y - center[1], 1500.0 - center[2]), rotation, True)
@@ -240,12 +250,3 @@ class Board:
             self._rearrange(self._sizes())
             if closeup:
                 self.fit(closeup)
-
-
-def _looking(eye: np.ndarray) -> np.ndarray:
-    """(3, 3) rotation from world axes to a lens at `eye` that looks at the scene: x right, y down, z away."""
-    forward = SCENE_CENTER - eye
-    forward = forward / np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(forward, right), forward])

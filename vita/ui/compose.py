@@ -19,6 +19,7 @@ from vita import commands as c
 from vita.constraints import MIN_LINE_PX
 from vita.snapshot import Snapshot
 from vita.ui.refusals import HINT_S, Hint, Refusals
+from vita.ui.renames import Renames
 from vita.ui.words import KIND, Kind, placing
 
 SELECT, TRACKER = "select", "tracker"
@@ -79,6 +80,7 @@ class Composer:
     finished: int = 0
     """Constraints made since the tool was armed."""
     finished_in: str = ""
+    renames: Renames = field(default_factory=Renames)
     _names: set[str] = field(default_factory=set)
     _refusals: Refusals = field(default_factory=Refusals)
     _lock: threading.RLock = field(default_factory=threading.RLock, repr=False, compare=False)  # type: ignore
@@ -176,6 +178,12 @@ class Composer:
         else:
             self.click(snapshot, hint.camera, hint.uv, None)
 
+    @_alone
+    def rename(self, new: str) -> None:
+        """Ask for another name of the selected marker, which stays selected."""
+        if self.selected is not None and new != self.selected:
+            self.submit(c.RenameTracker(self.renames.ask(self.selected, new), new))
+
     def _pick(self, snapshot: Snapshot, kind: Kind, camera: str, uv: Uv, hit: str | None) -> None:
         """The next click of a constraint."""
         begins_line = self.points in kind.lines
@@ -218,7 +226,7 @@ class Composer:
         known = {t.name for t in snapshot.scenario.tracker}
         self._names -= known
         if self.selected is not None and self.selected not in known:
-            self.selected = None
+            self.selected = self.renames.follow(self.selected, known)
         if self.hint is not None and self.clock() > self.hint.until:
             self.hint = None
         refused = self._hear(snapshot)

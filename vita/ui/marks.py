@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -44,6 +44,10 @@ class Strokes:
         """`segments` (k, 2, 2)."""
         self._segments.append(segments)
         self._colors.append(color)
+
+    @property
+    def empty(self) -> bool:
+        return not self._segments
 
     def line(self, a: np.ndarray, b: np.ndarray, color: Rgb) -> None:
         self.add(np.array([[a, b]]), color)
@@ -90,3 +94,5 @@ class Drawing:
     thin: Strokes
     bold: Strokes
     tags: list[Tag]
+    ghost: Strokes = field(default_factory=Strokes)
+    """What is expected of the next step; over everything else."""

@@ -15,6 +15,7 @@ from vita.snapshot import Snapshot
 from vita.types import Array, Feature
 from vita.ui.compose import Composer
 from vita.ui.constraint_marks import draw_constraint
+from vita.ui.ghost import draw_ghost
 from vita.ui.layout import Cell
 from vita.ui.marks import (
     END_MARK,
@@ -34,6 +35,7 @@ from vita.ui.words import GREEN, INK, RED, TEAL, WHITE, Rgb, kind_of, quality
 
 Uv = tuple[float, float]
 NO_TRAILS = Trails()
+NO_GHOSTS: Mapping[str, Array] = {}
 HINT_LABEL = "good place: click here"
 
 
@@ -46,10 +48,12 @@ def draw(
     dragged: Mapping[str, Array],
     trails: Trails = NO_TRAILS,
     aim: Uv | None = None,
+    ghosts: Mapping[str, Array] = NO_GHOSTS,
 ) -> Drawing:
     """The overlay of one view. `unit` is image pixels per screen pixel, so that markers keep their size.
 
-    `dragged` holds the points (k, 2) of markers in somebody's hand, `aim` the pixel under the pointer.
+    `dragged` holds the points (k, 2) of markers in somebody's hand, `aim` the pixel under the pointer,
+    `ghosts` the steps (k, 2, 2) that trackers are expected to make, of all views.
     """
     drawing = Drawing(Strokes(), Strokes(), [])
     trackers = {t.name: t for t in snapshot.scenario.tracker if t.camera == camera}
@@ -67,6 +71,9 @@ def draw(
     for name, points in places.items():
         _marker(drawing, trackers[name], snapshot.features.get(name), points, unit, name in goals,
                 composer, name in dragged)
+    for name, steps in ghosts.items():
+        if name in places and name not in dragged:
+            draw_ghost(drawing.ghost, steps, unit)
     _pending(drawing, camera, composer, places, unit, aim)
     _hint(drawing, camera, composer, unit, snapshot.stamp)
     return drawing

@@ -9,6 +9,7 @@ import viser
 from viser import uplot
 
 from vita.snapshot import Snapshot
+from vita.ui import style
 from vita.ui.words import INK, PALETTE, Rgb, hexed, kind_of
 
 SPAN_S = 20.0
@@ -59,7 +60,7 @@ class Plot:
     def __init__(self, gui: viser.GuiApi, container: viser.GuiTabHandle, unit: str) -> None:
         self._gui, self._container, self._unit = gui, container, unit
         with container:
-            gui.add_html('<span id="vita-plots"></span>')  # the style sheet knows the panel by it
+            gui.add_html(style.PLOTS_MARK)
         self._history = History()
         self._names: tuple[tuple[str, Rgb], ...] | None = None
         self._handle: viser.GuiUplotHandle | None = None
@@ -103,7 +104,7 @@ class Plot:
 
 
 class Plots:
-    """The panel below the task: error and joints."""
+    """The plots of the panel below the task: error and joints."""
 
     def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle) -> None:
         self._error = Plot(gui, panel.add_tab("Error", viser.Icon.CHART_LINE), "px")

@@ -55,13 +55,29 @@ display:flex;justify-content:space-between}
 .vita .keys{font-size:11.5px}
 .vita .take{color:#fff;background:#16a34a;border-radius:6px;padding:1px 9px;font-weight:600;
 display:inline-block;margin-top:3px}
+.vita .gauges{display:grid;gap:3px}
+.vita .gauge{display:grid;grid-template-columns:82px 1fr 84px 84px;align-items:center;gap:8px;
+font-size:12px;line-height:1.3;cursor:help}
+.vita .gauge .track{height:6px;border-radius:3px;background:#e4e7ec;overflow:hidden}
+.vita .gauge .track i{display:block;height:100%;border-radius:3px;transition:width .2s}
+.vita .gauge b{font-weight:600;text-align:right;white-space:nowrap}
+.vita .gauge .word{font-weight:600;white-space:nowrap}
+.vita .finding{display:flex;gap:7px;align-items:flex-start;font-size:12px;line-height:1.35;padding:3px 0}
+.vita .finding i{flex:none;width:15px;height:15px;margin-top:1px;border-radius:50%;color:#fff;
+font-size:10.5px;font-style:normal;font-weight:700;line-height:15px;text-align:center}
+.vita .finding.bad{color:#b42318}
+.vita .finding.warning{color:#93370d}
+.vita .finding.more{color:#667085;padding-left:22px;cursor:help}
+.vita .doctor{border-top:1px solid #f0f2f5;padding:1px 8px}
+.vita h4 .verdict{font-weight:600;margin:0 auto 0 8px}
+.vita.about{font-size:11.5px;line-height:1.35;color:#667085;margin:-4px 10px 6px}
 .vita .empty{padding:8px 10px;color:#667085}
 """
 
 HEIGHTS = f"""
 div:has(> [data-dock-leaf] #vita-run){{flex:0 0 175px!important}}
 div:has(> [data-dock-leaf] span.vita-tabs){{flex-grow:1!important}}
-div:has(> [data-dock-leaf] #vita-plots){{flex:0 0 clamp(184px,25vh,260px)!important}}
+div:has(> [data-dock-leaf] span.vita-plots){{flex:0 0 clamp(184px,25vh,260px)!important}}
 [data-dock-region-handle]{{height:10px!important}}
 [data-dock-griphandle]{{height:7px!important}}
 [data-dock-strip][role=tablist] [data-dock-tab]{{height:27px!important}}
@@ -76,6 +92,10 @@ div:has(> .uplot-container){{margin-top:0!important}}
 
 TABS_MARK = '<span class="vita-tabs"></span>'
 """By this the style sheet knows the panel of the tabs, whichever tab is open."""
+
+
+PLOTS_MARK = '<span class="vita-plots"></span>'
+"""The same for the panel below the tabs."""
 
 
 def own(button: viser.GuiButtonHandle) -> str:

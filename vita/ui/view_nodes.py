@@ -43,6 +43,8 @@ class ViewNodes:
             )
 
         self._halo, self._bold, self._thin = lines("halo", 4.6), lines("bold", 2.4), lines("thin", 1.3)
+        self._make_ghost = lambda: (lines("ghost halo", 4.2), lines("ghost", 2.0))
+        self._ghost: tuple[viser.LineSegmentsHandle, viser.LineSegmentsHandle] | None = None
         self._labels = LabelPool(scene, f"{root}/label", 1.0)
         self._placer = Placer()
 
@@ -65,11 +67,28 @@ class ViewNodes:
                 halo = points.copy()
                 halo[..., 2] = -1.0
                 self._halo.points, self._halo.colors = halo, np.full_like(colors, 255)
+        self._foresee(cell, drawing)
         placed = self._placer.place(drawing.tags, cell.size, unit, CHARACTER_PX, LABEL_HEIGHT_PX)
         self._labels.show([
             (tag.text, ((uv[0] + 0.5) * cell.scale, (uv[1] + 0.5) * cell.scale, -4.0), anchor)
             for tag, uv, anchor in placed
         ])
+
+    def _foresee(self, cell: Cell, drawing: Drawing) -> None:
+        """The next step. Its nodes are made when they are first needed and cost nothing while hidden."""
+        shown = not drawing.ghost.empty
+        if shown and self._ghost is None:
+            self._ghost = self._make_ghost()
+        if self._ghost is None:
+            return
+        halo, step = self._ghost
+        if shown:
+            step.points, step.colors = drawing.ghost.arrays(cell, -3.6)
+            halo.points, colors = drawing.ghost.arrays(cell, -3.3)
+            halo.colors = np.full_like(colors, 255)
+        for handle in (halo, step):
+            if handle.visible != shown:
+                handle.visible = shown
 
     def remove(self) -> None:
         self._labels.clear()

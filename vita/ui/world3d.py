@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import viser
@@ -12,19 +11,14 @@ import viser.transforms as vtf
 
 from vita.scenario.schema import CameraSpec
 from vita.types import Array, Visual
+from vita.ui.ghost_arm import GhostArm
+from vita.ui.mesh import Mesh
 from vita.ui.words import TEAL
 
+SCENE_CENTER = np.array([0.35, 0.0, 0.30])
+"""What a view of the whole scene looks at [m]."""
 REACH_M = 1.35
 """How far from the arm's base something may be to belong to the 3D view [m]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """A visual as it is sent: plain, or as a GLB when it has a texture."""
-
-    body: str
-    visual: Visual
-    glb: bytes | None
 
 
 def prepare(visuals: Sequence[Visual]) -> list[Mesh]:
@@ -48,6 +42,7 @@ class World3D:
         self._bodies: dict[str, list[viser.SceneNodeHandle]] = {}
         self._cameras: dict[str, list[viser.SceneNodeHandle]] = {}
         self._last: dict[str, Array] = {}
+        self._ghost = GhostArm(scene)
         self.revision = -1
 
     def place(self, position: Sequence[float], rotation: np.ndarray, visible: bool) -> None:
@@ -65,6 +60,7 @@ class World3D:
             for node in nodes:
                 if hasattr(node, "scale"):
                     node.scale = scale * (0.09 if "/cam/" in node.name else 1.0)  # type: ignore
+        self._ghost.rescale(scale)
         self._last.clear()
 
     def build(self, meshes: Sequence[Mesh], cameras: Sequence[CameraSpec], revision: int) -> None:
@@ -75,6 +71,7 @@ class World3D:
         self._bodies, self._cameras, self._last, self.revision = {}, {}, {}, revision
         # New names, because a browser would show a node of an old name at the old node's pose.
         root = f"{self._root}/rig{revision}"
+        self._ghost.build(f"{root}/ghost", meshes, self.scale)
         for index, mesh in enumerate(meshes):
             node = self._mesh(f"{root}/body/{index}", mesh)
             self._bodies.setdefault(mesh.body, []).append(node)
@@ -106,6 +103,10 @@ class World3D:
             for node in nodes:
                 node.wxyz, node.position = rotation, position
 
+    def foresee(self, ghost: Mapping[str, Array], poses: Mapping[str, Array]) -> None:
+        """Show the arm as it is expected to be after the next step; hidden when there is nothing to show."""
+        self._ghost.update(ghost, poses)
+
     def _mesh(self, name: str, mesh: Mesh) -> viser.SceneNodeHandle:
         visual = mesh.visual
         color = tuple(int(round(255 * float(np.clip(c, 0, 1)))) for c in visual.color)
@@ -127,6 +128,15 @@ def near_the_arm(visual: Visual) -> bool:
     low, high = np.min(visual.vertices, axis=0), np.max(visual.vertices, axis=0)
     far = np.abs((low + high) / 2)[:2].max() > REACH_M
     return not far and bool((high - low)[:2].max() < 2 * REACH_M) and low[2] < REACH_M
+
+
+def looking(eye: np.ndarray) -> np.ndarray:
+    """(3, 3) rotation from world axes to a lens at `eye` that looks at the scene: x right, y down, z away."""
+    forward = SCENE_CENTER - eye
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(forward, right), forward])
 
 
 def _textured(visual: Visual) -> bytes:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +29,18 @@ MIN_MOTION_RAD = 1e-5
 """Less joint motion than this is rounding [rad]."""
 STANDS_OUT = 1.5
 """A direction of motion is held by the task when its strength is so many times that of noise alone."""
+LATER = 3.0
+"""The same for directions that come to stand out on the way: the noise of one measurement is in two
+secants, and many small steps make the covariance look better than it is."""
 RIGID_RANK = 6
 """A rigid hand has six degrees of freedom, so its Jacobian has no more: further singular values
 are noise, and inverting them throws the arm about."""
 GATE_SIGMAS = 3.5
 """An image motion must stand out of the noise of all its rows by so many of its deviations before it is
 learned from: noise alone does so once in 2,000 periods, whatever the number of rows."""
+UNBELIEVABLE = 5.0
+"""A surprise of all rows together of more deviations is no effect of the joints: the goal has moved, or
+a camera was touched. It is believed the less the larger it is."""
 
 Mask = NDArray[np.bool_]
 
@@ -98,11 +104,12 @@ def first_estimate(jacobian: Array, delta: Array | float, sigma: float) -> Estim
     return Estimate(np.array(jacobian, float), covariance, float(sigma), scale2, held(jacobian, covariance))
 
 
-def held(jacobian: Array, covariance: Array) -> NDArray[np.int_]:
+def held(jacobian: Array, covariance: Array, least: float = STANDS_OUT) -> NDArray[np.int_]:
     """(...,) number of directions of joint motion in which `jacobian` (..., m, n) stands out of its
-    own uncertainty, `covariance` (..., n, n) of each row. At most six: a rigid hand has no more."""
+    own uncertainty, `covariance` (..., n, n) of each row, by `least`. At most six: a rigid hand has no
+    more."""
     strength = np.linalg.eigvalsh(whitened(jacobian, covariance))
-    count = np.count_nonzero(strength > STANDS_OUT * jacobian.shape[-2], axis=-1)
+    count = np.count_nonzero(strength > least * jacobian.shape[-2], axis=-1)
     return np.minimum(count, RIGID_RANK)
 
 
@@ -139,6 +146,10 @@ class JacobianEstimator(ABC):
         """(..., m, n) d error / d joints [px/rad], a copy."""
         return self._estimate.jacobian.copy()
 
+    def believed(self, e: Array) -> Array:
+        """(..., m) the error `e` that was observed last, without what is not believed of it [px]."""
+        return e
+
     def restart(self) -> None:
         """Forget where the last secant began (after a pause, a jump or a moved camera)."""
         self._q = self._e = None
@@ -173,7 +184,7 @@ class JacobianEstimator(ABC):
         most = min(*estimate.jacobian.shape[-2:], RIGID_RANK)
         if all_of(estimate.rank >= most):
             return estimate
-        now = held(estimate.jacobian, estimate.covariance)
+        now = held(estimate.jacobian, estimate.covariance, LATER)
         return replace(estimate, rank=np.maximum(estimate.rank, now))
 
     @abstractmethod
@@ -197,11 +208,12 @@ class JacobianEstimator(ABC):
         )
 
 
+E = TypeVar("E", bound=JacobianEstimator)
 ESTIMATORS: dict[str, type[JacobianEstimator]] = {}
 """Kind to estimator."""
 
 
-def register(estimator: type[JacobianEstimator]) -> type[JacobianEstimator]:
+def register(estimator: type[E]) -> type[E]:
     """Add a kind. Raises `ValueError` on a name that is taken."""
     if estimator.kind in ESTIMATORS:
         raise ValueError(f"estimator {estimator.kind!r} is registered twice")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from vita.servo.estimators.base import CURVATURE, Estimate, JacobianEstimator, Mask, register
@@ -39,10 +37,12 @@ def covariance_after(old: Estimate, dq: Array, gain: Array) -> Array:
     length2 = np.einsum("...i,...i->...", dq, dq)
     drift = (0.5 * CURVATURE**2 * old.scale2 * length2)[..., None, None] * eye
     keep = eye - gain[..., :, None] * dq[..., None, :]
-    noise = gain[..., :, None] * gain[..., None, :]
     # Of a step so small that the noise drowns it, no more than "nothing is known" is learned.
-    length2_gain = np.einsum("...i,...i->...", gain, gain)
-    variance = np.minimum(2.0 * old.sigma**2, WORST * old.scale2 / np.maximum(length2_gain, 1e-300))
+    largest = np.maximum(np.abs(gain).max(-1), 1e-300)
+    with np.errstate(over="ignore"):
+        variance = np.minimum(2.0 * old.sigma**2 * largest**2, WORST * old.scale2)
+    along = gain / largest[..., None]
+    noise = along[..., :, None] * along[..., None, :]
     after = keep @ (old.covariance + drift) @ keep.swapaxes(-1, -2) + variance[..., None, None] * noise
     return _bounded(after + drift, WORST * old.scale2)
 
@@ -88,9 +88,5 @@ class Thesis(Broyden):
         dq, de = q - before, e - error
         learn = np.asarray(np.einsum("...i,...i->...", dq, dq) > 0.0)
         if learn.any():
-            new = self._learned(dq, de, np.isfinite(de), learn)
-            finite = np.isfinite(new.jacobian).all((-2, -1), keepdims=True)
-            self._estimate = self._with_rank(
-                replace(new, jacobian=np.where(finite, new.jacobian, self._estimate.jacobian))
-            )
+            self._estimate = self._with_rank(self._learned(dq, de, np.isfinite(de), learn))
         return learn

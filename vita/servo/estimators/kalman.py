@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from vita.servo.estimators.base import CURVATURE, Estimate, JacobianEstimator, Mask, register
+from vita.servo.estimators.base import CURVATURE, UNBELIEVABLE, Estimate, JacobianEstimator, Mask, register
 from vita.servo.small import all_of, identity
 from vita.types import Array
+
+BENT = 0.1
+"""Share of the observed motion that is always allowed for as one deviation of a surprise."""
 
 
 @register
@@ -38,11 +41,15 @@ class Kalman(JacobianEstimator):
         gain = cross / np.maximum(expected2, 1e-300)[..., None]
         known = de if all_of(seen) else np.where(seen, de, 0.0)
         surprise = known - np.matvec(old.jacobian, dq)
-        jacobian = old.jacobian + self._trusted(surprise, expected2)[..., None] * gain[..., None, :]
+        # The arm's own curve may exceed what `CURVATURE` allows by far, when cameras are close.
+        bent2 = BENT**2 * np.vecdot(known, known) / known.shape[-1]
+        trusted = self._trusted(surprise, expected2 + bent2)
+        jacobian = old.jacobian + trusted[..., None] * gain[..., None, :]
         covariance = prior + wander - gain[..., :, None] * cross[..., None, :]
         return self._put(jacobian, covariance, seen, learn)
 
     def _trusted(self, surprise: Array, expected2: Array) -> Array:
         """(..., m) the part of the surprise that is believed [px]; its variance is `expected2`."""
-        del expected2
-        return surprise
+        size2 = np.vecdot(surprise, surprise) / surprise.shape[-1]
+        share = np.minimum(1.0, UNBELIEVABLE**2 * expected2 / np.maximum(size2, 1e-300))
+        return share[..., None] * surprise

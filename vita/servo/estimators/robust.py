@@ -48,11 +48,9 @@ class Robust(Kalman):
         """(..., m) to which side the last reading was wild, 0 for not at all."""
         self._believed = np.full(rows, np.nan)
 
-    @property
-    def believed(self) -> Array:
-        """(..., m) the last error [px] with what is not believed of it taken away. A policy that steps
-        by this instead of the raw error does not follow wild readings."""
-        return self._believed.copy()
+    def believed(self, e: Array) -> Array:
+        """A policy that steps by this instead of the raw error does not follow wild readings."""
+        return np.where(np.isfinite(e), self._believed, e)
 
     def restart(self) -> None:
         super().restart()
@@ -86,7 +84,8 @@ class Robust(Kalman):
 
     def _scale(self, ratio: Array) -> Array:
         """(..., m) how many times its expected deviation each row's surprise usually is, at least 1."""
-        scale = np.maximum(1.0, TO_DEVIATION * np.median(self._recent, axis=0))
+        own = np.sort(self._recent, axis=0)[len(self._recent) // 2]
+        scale = np.maximum(1.0, TO_DEVIATION * own)
         ordered = np.sort(ratio, axis=-1)  # NaN, of rows that are not seen, comes last.
         count = np.count_nonzero(np.isfinite(ratio), axis=-1)
         # Of four rows two may belong to one tracker that has jumped: the lower median is of the others.

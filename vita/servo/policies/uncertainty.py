@@ -4,8 +4,8 @@ Far from the goal the step is a damped Gauss-Newton step. What is not known of t
 damping, so that it goes where it knows its way; a trust radius follows the ratio of actual to
 predicted progress, and no step may make things much worse even if the Jacobian is as wrong as it
 may be. Near the goal, where the noise of the trackers matters more than the Jacobian's errors, each
-measurement is taken as information on where the goal lies in joint space, and the information of
-many periods is added up: the noise is averaged away and the arm comes to rest.
+measurement says where the goal lies in joint space, and the measurements of many periods are
+averaged: the noise goes away and the arm comes to rest.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vita.servo.estimators.base import Estimate
+from vita.servo.estimators.base import UNBELIEVABLE, Estimate
 from vita.servo.policies.base import Mask, Proposal, Situation, StepPolicy, masked, register
 from vita.servo.policies.directions import Directions
 from vita.servo.small import all_of, some, whitening
 from vita.types import Array
 
-NEAR = 2.0
+NEAR = 3.0
 """Near the goal: the full step's outcome is uncertain by less than so many times the noise variance."""
-KEEP = 0.95
-"""Share of the old information on the goal that each period near it keeps."""
+KEEP = 0.97
+"""Share of the weight of older measurements that each period near the goal leaves them."""
 MOVED_SIGMAS = 4.0
-"""The goal itself has moved when new and old information disagree by more."""
+"""The goal itself has moved when new and old measurements disagree by more."""
 WORSE_PX, WORSE_SIGMAS = 50.0, 2.5
 """No step may raise the sum of errors by more, should the Jacobian be wrong by so many deviations."""
-FIRST_RADIUS, LEAST_RADIUS, MOST_RADIUS = 0.4, 0.02, 0.4
+FIRST_RADIUS, LEAST_RADIUS, MOST_RADIUS = 0.35, 0.02, 0.35
 """Trust radius [rad]."""
 LEAST_GAIN, GAIN_RATE = 0.25, 1.6
 GOOD, BAD = 0.75, 0.25
@@ -54,12 +54,12 @@ class _Memory:
     jacobian: Array
     whole: Mask
     """(...,) whether every error so far was a whole number of pixels."""
-    information: Array
-    """(..., n, n) of where the goal is [1/rad^2]."""
-    vector: Array
-    """(..., n) the same times the goal position [1/rad]."""
+    mean_q: Array
+    """(..., n) joints, averaged over the measurements near the goal [rad]."""
+    mean_e: Array
+    """(..., m) error, averaged likewise [px]."""
     count: Array
-    """(...,) how many measurements are in the information; 1 far from the goal."""
+    """(...,) how many measurements are in the averages; 1 far from the goal."""
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,9 @@ class _View:
     """What this period's measurement says."""
 
     ways: Directions
-    """Of J'J, or of what has been added up near the goal in its place."""
     near: Mask
     slope: Array
-    """(..., n) the right side that belongs to them, -J'e [px^2/rad]."""
+    """(..., n) -J'e, near the goal of the averaged error [px^2/rad]."""
     direction: Array
     """(..., n) the full step over the joints that are `free` [rad]."""
     free: Mask
@@ -101,33 +100,26 @@ class UncertaintyDamped(StepPolicy):
         full = ways.solve(slope)
         variance = sigma2 + estimate.spread2(full)
         near = variance < NEAR * sigma2
-        normal, right = ways.normal, slope
-        share = 1.0 / variance
-        information = share[..., None, None] * normal
-        vector = share[..., None] * (slope + np.matvec(normal, now.q))
-        direction, count = full, 0.0 * variance + 1.0
+        right, direction, count = slope, full, 0.0 * variance + 1.0
+        mean_q, mean_e = now.q, now.e
         if some(near):
-            keep = KEEP * near
-            added = information + keep[..., None, None] * memory.information
-            summed = vector + keep[..., None] * memory.vector
-            counted = 1.0 + keep * memory.count
-            scale = variance / counted
-            mean = scale[..., None, None] * added
-            toward = scale[..., None] * (summed - np.matvec(added, now.q))
-            averaged = Directions(mean, ways.whiten, ways.rank, rows)
-            there = averaged.solve(toward)
+            counted = 1.0 + KEEP * near * memory.count
+            new = (1.0 / counted)[..., None]
+            around = memory.mean_q + new * (now.q - memory.mean_q)
+            met = memory.mean_e + new * (now.e - memory.mean_e)
+            # The averages belong together whatever has been learned of J since.
+            toward = -np.vecmat(met + np.matvec(jacobian, now.q - around), jacobian)
+            there = ways.solve(toward)
             apart = np.matvec(jacobian, there - full)
-            # Else the goal has moved: what was added up is of another one.
+            # Else the goal has moved: what was averaged is of another one.
             same = near & (np.vecdot(apart, apart) <= (rows * MOVED_SIGMAS**2) * variance)
             if all_of(same):
-                information, vector, count = added, summed, counted
-                normal, right, direction, ways = mean, toward, there, averaged
+                mean_q, mean_e, count, right, direction = around, met, counted, toward, there
             elif some(same):
-                information, vector = _where(same, added, information), _where(same, summed, vector)
-                normal, right = _where(same, mean, normal), _where(same, toward, right)
-                count, direction = np.where(same, counted, count), _where(same, there, full)
-                ways = Directions(normal, ways.whiten, ways.rank, rows)
-        memory.information, memory.vector, memory.count = information, vector, count
+                mean_q, mean_e = _where(same, around, mean_q), _where(same, met, mean_e)
+                right, direction = _where(same, toward, right), _where(same, there, full)
+                count = np.where(same, counted, count)
+        memory.mean_q, memory.mean_e, memory.count = mean_q, mean_e, count
         memory.q, memory.e, memory.jacobian = now.q, now.e, jacobian
         self._count += 1
         self._view = _View(ways, near, right, direction, now.free)
@@ -154,10 +146,12 @@ class UncertaintyDamped(StepPolicy):
         length = np.maximum(np.sqrt(np.vecdot(direction, direction)), 1e-12)
         share = np.minimum(memory.gain + view.near * (1.0 - memory.gain), memory.radius / length)
         dq = share[..., None] * direction
-        if not all_of(view.near):
-            dq = self._not_much_worse(now, dq, ~view.near)
+        bold = ~view.near
         if not all_of(ways.used[..., ways.first :]):
-            dq = dq + ways.attempt(masked(jacobian, now.free), now.estimate, now.e, direction)
+            attempt = ways.attempt(masked(jacobian, now.free), now.estimate, now.e, direction)
+            bold, dq = bold | np.logical_or.reduce(attempt != 0.0, axis=-1), dq + attempt
+        if some(bold):
+            dq = self._not_much_worse(now, dq, bold)
         dither = view.near & memory.whole
         if some(dither):
             slope = np.vecmat(self._pattern(memory.count, rows), jacobian)
@@ -166,13 +160,13 @@ class UncertaintyDamped(StepPolicy):
 
     def _remembered(self, now: Situation) -> _Memory:
         """The memory, brought up to date with how the last step turned out."""
-        memory, runs, n = self._memory, now.q.shape[:-1], now.q.shape[-1]
+        memory, runs = self._memory, now.q.shape[:-1]
         if memory is None or memory.e.shape != now.e.shape:
             whole = np.logical_and.reduce(now.e == np.rint(now.e), axis=-1)
             first = np.broadcast_to(np.asarray(now.gain, float), runs)
             self._memory = memory = _Memory(
                 first, first, np.full(runs, FIRST_RADIUS), now.q, now.e, now.estimate.jacobian, whole,
-                np.zeros((*runs, n, n)), np.zeros((*runs, n)), np.zeros(runs),
+                now.q, now.e, np.zeros(runs),
             )
             return memory
         if some(memory.whole):
@@ -196,6 +190,10 @@ class UncertaintyDamped(StepPolicy):
         predicted = before - np.vecdot(after, after)
         actual = before - np.vecdot(now.e, now.e)
         judged = (size2 > 25.0 * now.estimate.sigma**2) & (predicted > 0.0)
+        # A surprise that no error of the Jacobian explains is the goal's own motion: steps are not to blame.
+        surprise = now.e - after
+        expected2 = 2.0 * now.estimate.sigma**2 + now.estimate.spread2(moved)
+        judged &= np.vecdot(surprise, surprise) < (UNBELIEVABLE**2 * after.shape[-1]) * expected2
         good, bad = judged & (actual > GOOD * predicted), judged & (actual < BAD * predicted)
         if some(good):
             gain = np.minimum(memory.gain * GAIN_RATE, np.maximum(now.gain, 1.0))
@@ -208,14 +206,14 @@ class UncertaintyDamped(StepPolicy):
             memory.gain = np.where(bad, gain, memory.gain)
             memory.radius = np.where(bad, shorter, memory.radius)
 
-    def _not_much_worse(self, now: Situation, dq: Array, far: Mask) -> Array:
+    def _not_much_worse(self, now: Situation, dq: Array, bold: Mask) -> Array:
         """`dq` shortened until even a wrong Jacobian could not raise the error by much."""
         bound = np.add.reduce(np.abs(now.e), axis=-1) + WORSE_PX
         rows = now.e.shape[-1]
         for _ in range(SHRINKS):
             expected = np.add.reduce(np.abs(now.e + np.matvec(now.estimate.jacobian, dq)), axis=-1)
             margin = (MEAN_ABS * WORSE_SIGMAS * rows) * np.sqrt(now.estimate.spread2(dq))
-            worse = far & (expected + margin > bound)
+            worse = bold & (expected + margin > bound)
             if not some(worse):
                 break
             dq = _where(worse, SHRINK * dq, dq)

@@ -2,9 +2,19 @@
 
 from vita.ui.panels.base import Desk, Panel
 from vita.ui.panels.files import FilesPanel
+from vita.ui.panels.knowledge import KnowledgePanel
 from vita.ui.panels.run import RunPanel
 from vita.ui.panels.servo import ServoPanel
 from vita.ui.panels.task import TaskPanel
 from vita.ui.panels.view import ViewPanel
 
-__all__ = ["Desk", "FilesPanel", "Panel", "RunPanel", "ServoPanel", "TaskPanel", "ViewPanel"]
+__all__ = [
+    "Desk",
+    "FilesPanel",
+    "KnowledgePanel",
+    "Panel",
+    "RunPanel",
+    "ServoPanel",
+    "TaskPanel",
+    "ViewPanel",
+]

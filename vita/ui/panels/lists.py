@@ -8,6 +8,7 @@ import numpy as np
 
 from vita.snapshot import Snapshot
 from vita.types import Feature
+from vita.ui.findings import TINT, of_the_task, sentences, verdict
 from vita.ui.words import (
     GREY,
     LOST_ADVICE,
@@ -25,12 +26,19 @@ from vita.ui.words import (
 Ids = Callable[[int, str], tuple[str, str]]
 """(row, name) to the ids of the buttons that select and delete it."""
 AMBER: Rgb = (181, 71, 8)
+SENTENCES = 2
+"""So many of the doctor's sentences fit beside the lists of a small window; one when nothing is wrong."""
+NOTHING_YET = (
+    "None yet. They tell the arm what to bring where. Once there is one, this says what it holds and what is "
+    "missing, before anything moves."
+)
 
 
-def _list(title: str, count: int, rows: Sequence[str], empty: str) -> str:
+def _list(title: str, count: int, rows: Sequence[str], empty: str, about: str = "") -> str:
+    """`about` is HTML in the heading."""
     body = "".join(rows) if rows else f'<div class="empty">{empty}</div>'
     return (
-        f'<div class="vita"><h4><span>{title}</span><span class="dim">{count or ""}</span></h4>'
+        f'<div class="vita"><h4><span>{title}</span>{about}<span class="dim">{count or ""}</span></h4>'
         f'<div class="list">{body}</div></div>'
     )
 
@@ -87,7 +95,7 @@ def trackers(snapshot: Snapshot, selected: str | None, ids: Ids) -> str:
 
 
 def constraints(snapshot: Snapshot, selected: str | None, ids: Ids) -> str:
-    """One row per constraint: its colour, kind, trackers and residual."""
+    """One row per constraint: its colour, kind, trackers and residual; then what the doctor says of them."""
     rows = []
     for index, spec in enumerate(snapshot.scenario.constraint):
         kind = kind_of(spec.kind)
@@ -100,7 +108,12 @@ def constraints(snapshot: Snapshot, selected: str | None, ids: Ids) -> str:
             _row(_sign("bar", kind.color), spec.name, about, value, ids(index, spec.name),
                  selected == spec.name, about)
         )
-    return _list("Constraints", len(rows), rows, "None yet. They tell the arm what to bring where.")
+    said, level = verdict(snapshot.findings, len(rows))
+    about = f'<span class="verdict" style="color:{hexed(TINT[level])}">{said}</span>' if said else ""
+    advice = sentences(of_the_task(snapshot.findings), SENTENCES if level != "good" else 1) if rows else ""
+    if advice:
+        rows.append(f'<div class="doctor">{advice}</div>')
+    return _list("Constraints", len(snapshot.scenario.constraint), rows, NOTHING_YET, about)
 
 
 def messages(snapshot: Snapshot) -> str:

@@ -12,6 +12,7 @@ from vita import commands as c
 from vita.snapshot import Snapshot
 from vita.types import MOVING_STATES
 from vita.ui import style
+from vita.ui.findings import verdict
 from vita.ui.panels.base import Desk, Html
 from vita.ui.words import CHIP, DEGRADED, GREEN, RED, explain, hexed, pixels, safe
 
@@ -35,6 +36,12 @@ def rates(snapshot: Snapshot, pictures_hz: float) -> str:
         f"<span>pictures <b>{pictures_hz:.0f} Hz</b></span>"
         f"<span>simulation <b>{timing.real_time_factor:.2f}×</b></span></div>"
     )
+
+
+def warned(snapshot: Snapshot) -> str:
+    """What to do before Start when the doctor has found something wrong with the task, else nothing."""
+    said, level = verdict(snapshot.findings, len(snapshot.scenario.constraint))
+    return f"{said} in the task: read it below its constraints." if level in ("warning", "bad") else ""
 
 
 class RunPanel:
@@ -97,6 +104,8 @@ class RunPanel:
         reason = explain(
             snapshot.status, len(scenario.tracker), len(scenario.constraint), snapshot.progress
         )
+        if state == "idle" and not snapshot.status.message:
+            reason = warned(snapshot) or reason
         if state == "idle" and self._desk.composer.kind is not None and not scenario.constraint:
             reason = "Composing: the next click is named below."
         error = ""

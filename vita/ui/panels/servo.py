@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import Field, fields
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,30 @@ from vita.snapshot import Snapshot
 from vita.types import Joint
 from vita.ui import style
 from vita.ui.panels.base import Desk, Html
+from vita.ui.panels.choices import Choice
 from vita.ui.safe import number
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "Method": ("estimator", "alpha", "forgetting", "policy", "damping", "secondary"),
+    "Gain": ("gain", "moving_goal"),
+    "Exploration": ("explore_deg", "explore_px"),
+    "Done": ("tolerance_px", "timeout_s"),
+}
+"""Folders of the tab; a setting that none of them names goes to the last."""
+OPEN = ("Method", "Gain")
+UNUSED: dict[str, tuple[str, tuple[str, ...]]] = {
+    "alpha": ("estimator", ("kalman", "robust", "rls", "history")),
+    "forgetting": ("estimator", ("kalman", "robust", "broyden", "thesis", "history")),
+    "damping": ("policy", ("uncertainty",)),
+}
+"""Setting to the choice, and to those kinds of it that the setting does nothing for. It is hidden then,
+and keeps its value; kinds that are new to the page show everything."""
+
+
+def applies(setting: str, servo: ServoConfig) -> bool:
+    """Whether a setting does anything with the kinds that are chosen."""
+    choice, kinds = UNUSED.get(setting, ("", ()))
+    return not choice or getattr(servo, choice) not in kinds
 
 
 class ServoPanel:
@@ -24,20 +47,31 @@ class ServoPanel:
         gui = desk.gui
         Html(gui, style.TABS_MARK)
         self._inputs: dict[tuple[str, str], Any] = {}
-        self._folder = gui.add_folder("Servo")
-        with self._folder:
-            self._settings("servo", ServoConfig, lambda field, value: c.SetServo(field, value))
-        with gui.add_folder("Speed"):
-            self._settings("limits", Limits, lambda field, value: c.SetLimits(field, value))
+        self._choices: dict[str, Choice] = {}
+        settings = {f.name: f for f in fields(ServoConfig) if f.metadata}
+        grouped = {name for names in GROUPS.values() for name in names}
+        for title, names in GROUPS.items():
+            others = [n for n in settings if n not in grouped] if title == list(GROUPS)[-1] else []
+            with gui.add_folder(title, expand_by_default=title in OPEN):
+                for name in (*names, *others):
+                    self._servo_setting(settings[name])
+        with gui.add_folder("Speed", expand_by_default=False):
+            for field in fields(Limits):
+                self._number("limits", field, lambda field, value: c.SetLimits(field, value))
         self._joint_folder = gui.add_folder("Joints")
         self._joint_rows: list[_JointRow] = []
-        self._table = Html(gui)
 
     def update(self, snapshot: Snapshot) -> None:
+        servo = snapshot.scenario.servo
+        for field, choice in self._choices.items():
+            choice.show(getattr(servo, field))
         for (group, field), handle in self._inputs.items():
             value = float(getattr(getattr(snapshot.scenario, group), field))
             if abs(float(handle.value) - value) > 1e-9:
                 handle.value = value
+            shown = group != "servo" or applies(field, servo)
+            if handle.visible != shown:
+                handle.visible = shown
         if len(self._joint_rows) != len(snapshot.joints):
             for row in self._joint_rows:
                 row.remove()
@@ -48,26 +82,32 @@ class ServoPanel:
         for row, joint in zip(self._joint_rows, snapshot.joints, strict=True):
             row.update(joint, snapshot.scenario)
 
-    def _settings(self, group: str, kind: type, command: Callable[[str, float], object]) -> None:
-        for field in fields(kind):
-            meta = field.metadata
-            if "low" not in meta:
-                continue
-            unit = f" [{meta['unit']}]" if meta["unit"] else ""
-            span = f"{meta['low']:g} to {meta['high']:g} {meta['unit']}".strip()
-            hint = f"{meta['doc']} {span}."
-            low, high, start = float(meta["low"]), float(meta["high"]), float(field.default)  # type: ignore
-            label = meta["label"] + unit
-            if high / max(low, 1e-3) > 5000 or high > 100:
-                handle = self._desk.gui.add_number(
-                    label, start, min=low, max=high, step=_step(start), hint=hint
-                )
-            else:
-                handle = self._desk.gui.add_slider(
-                    label, min=low, max=high, step=_step(high - low) / 10, initial_value=start, hint=hint
-                )
-            handle.on_update(self._desk.guard(self._setter(field.name, low, high, command)))
-            self._inputs[group, field.name] = handle
+    def _servo_setting(self, field: Field[Any]) -> None:
+        if "choices" in field.metadata:
+            self._choices[field.name] = Choice(self._desk, field)
+        else:
+            self._number("servo", field, lambda field, value: c.SetServo(field, value))
+
+    def _number(self, group: str, field: Field[Any], command: Callable[[str, float], object]) -> None:
+        """A slider, or a number field where the range is too wide for one."""
+        meta = field.metadata
+        if "low" not in meta:
+            return
+        unit = f" [{meta['unit']}]" if meta["unit"] else ""
+        span = f"{meta['low']:g} to {meta['high']:g} {meta['unit']}".strip()
+        hint = f"{meta['doc']} {span}."
+        low, high, start = float(meta["low"]), float(meta["high"]), float(field.default)  # type: ignore
+        label = meta["label"] + unit
+        if high / max(low, 1e-3) > 5000 or high > 100:
+            handle = self._desk.gui.add_number(
+                label, start, min=low, max=high, step=_step(start or (high - low) / 10), hint=hint
+            )
+        else:
+            handle = self._desk.gui.add_slider(
+                label, min=low, max=high, step=_step(high - low) / 10, initial_value=start, hint=hint
+            )
+        handle.on_update(self._desk.guard(self._setter(field.name, low, high, command)))
+        self._inputs[group, field.name] = handle
 
     def _setter(
         self, name: str, low: float, high: float, command: Callable[[str, float], object]

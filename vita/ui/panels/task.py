@@ -178,7 +178,8 @@ class TaskPanel:
         selected = self._desk.composer.selected
         if self._name.visible != (selected is not None):
             self._name.visible = selected is not None
-        if selected is not None and selected != self._editing:
+        typed = self._desk.composer.renames.typed(selected)
+        if selected is not None and selected != self._editing and not typed:
             self._name.value = selected
         self._editing = selected
         spec = next((k for k in snapshot.scenario.constraint if k.name == self._constraint), None)
@@ -212,12 +213,14 @@ class TaskPanel:
         self._desk.composer.edge = choice == LINE_EDGE
 
     def _rename(self, event: Any) -> None:
-        old = self._desk.composer.selected
-        text = event.target.value
-        if old is None or not text.strip() or text.strip() == old:
+        if not str(event.target.value).strip():
+            return  # on the way to another name
+        new = short_text(event.target.value, "name")
+        if any(t.name == new for t in self._desk.snapshot().scenario.tracker):
+            if new != self._desk.composer.selected:
+                raise BadInput(f"{new!r} is taken", "name")
             return
-        new = short_text(text, "name")
-        self._desk.submit(c.RenameTracker(old, new))
+        self._desk.composer.rename(new)
 
     def _set_weight(self, event: Any) -> None:
         if self._constraint is not None:

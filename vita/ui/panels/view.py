@@ -25,12 +25,13 @@ class Display:
 
     fps: float = 15.0
     pane: bool = True
+    foresee: bool = True
 
 
 class ViewPanel:
     def __init__(
         self, desk: Desk, display: Display, encoder: Encoder, actions: Actions,
-        set_pane: Callable[[bool], None],
+        set_pane: Callable[[bool], None], set_foresee: Callable[[bool], None],
     ) -> None:
         gui, guard = desk.gui, desk.guard
         self._display, self._encoder = display, encoder
@@ -44,6 +45,11 @@ class ViewPanel:
         Html(gui, style.sheet(style.plain((refit,))))
         pane = gui.add_checkbox("3D overview", True, hint="A small live 3D view below the cameras.")
         pane.on_update(guard(lambda event: set_pane(bool(event.target.value))))
+        step = gui.add_checkbox(
+            "Next step", True,
+            hint="While the arm moves: where the features, and the arm, are expected after the next step.",
+        )
+        step.on_update(guard(lambda event: set_foresee(bool(event.target.value))))
         fps = gui.add_slider(
             "Pictures [Hz]", min=1, max=30, step=1, initial_value=int(display.fps),
             hint="How often the page shows new pictures. The servo's own rate is not touched.",
