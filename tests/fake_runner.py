@@ -181,11 +181,10 @@ class FakeRunner:
             self._edit(constraint=(*s.constraint, ConstraintSpec(name, cmd.kind, cmd.points, cmd.weight)))
         elif isinstance(cmd, c.DeleteConstraint):
             self._edit(constraint=tuple(k for k in s.constraint if k.name != cmd.name))
-        elif isinstance(cmd, c.SetWeight):
+        elif isinstance(cmd, (c.SetWeight, c.SetPriority)):
+            what = {"weight": cmd.weight} if isinstance(cmd, c.SetWeight) else {"priority": cmd.priority}
             self._edit(
-                constraint=tuple(
-                    replace(k, weight=cmd.weight) if k.name == cmd.name else k for k in s.constraint
-                )
+                constraint=tuple(replace(k, **what) if k.name == cmd.name else k for k in s.constraint)
             )
         elif isinstance(cmd, c.ClearTask):
             self._edit(tracker=(), constraint=())

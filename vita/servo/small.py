@@ -14,6 +14,7 @@ from scipy.linalg import get_lapack_funcs
 
 from vita.types import Array, frozen
 
+DIGITS = 1e-12
 Mask = NDArray[np.bool_]
 _SYEVD, _POTRF, _TRTRI = get_lapack_funcs(("syevd", "potrf", "trtri"), dtype=np.float64)
 
@@ -30,7 +31,14 @@ def eigh(matrix: Array) -> tuple[Array, Array]:
 
 
 def whitening(covariance: Array) -> Array:
-    """(..., n, n) lower triangular W with W P W' = I for a positive definite P = `covariance`."""
+    """(..., n, n) lower triangular W with W P W' = I for a positive definite P = `covariance`.
+
+    P is taken to be known to twelve digits only: an estimator that learns from steps inside the noise
+    may be ever so uncertain of one direction, and rounding would then make another one negative.
+    """
+    n = covariance.shape[-1]
+    rounding = DIGITS * np.trace(covariance, axis1=-2, axis2=-1)
+    covariance = covariance + rounding[..., None, None] * identity(n)
     if covariance.ndim > 2:
         return np.linalg.inv(np.linalg.cholesky(covariance)).astype(float, copy=False)
     lower, failed = _POTRF(covariance, lower=1, clean=1)

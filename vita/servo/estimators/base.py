@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vita.errors import UnknownName
-from vita.servo.small import all_of, some
+from vita.servo.small import all_of, some, whitening
 from vita.types import Array
 
 CURVATURE = 0.5
@@ -116,9 +116,8 @@ def held(jacobian: Array, covariance: Array, least: float = STANDS_OUT) -> NDArr
 def whitened(jacobian: Array, covariance: Array) -> Array:
     """(..., n, n) J'J in coordinates in which every entry of J has noise of variance one; noise alone
     then gives each direction of motion a strength of m."""
-    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-    turned = jacobian @ whiten.swapaxes(-1, -2)
-    return turned.swapaxes(-1, -2) @ turned
+    turned = jacobian @ whitening(covariance).mT
+    return turned.mT @ turned
 
 
 class JacobianEstimator(ABC):

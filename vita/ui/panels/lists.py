@@ -103,7 +103,8 @@ def constraints(snapshot: Snapshot, selected: str | None, ids: Ids) -> str:
         seen = residual[np.isfinite(residual)]
         value = pixels(float(np.linalg.norm(seen)) if seen.size else float("nan"))
         weight = f" · weight {spec.weight:g}" if spec.weight != 1.0 else ""
-        about = f"{kind.label} · {', '.join(spec.points)}{weight}"
+        rank = f" · priority {spec.priority}" if spec.priority != 1 else ""
+        about = f"{kind.label} · {', '.join(spec.points)}{weight}{rank}"
         rows.append(
             _row(_sign("bar", kind.color), spec.name, about, value, ids(index, spec.name),
                  selected == spec.name, about)

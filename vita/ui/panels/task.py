@@ -10,6 +10,7 @@ import viser
 from vita import commands as c
 from vita.errors import BadInput, UnknownName
 from vita.snapshot import Snapshot
+from vita.task import LEAST_PRIORITY
 from vita.ui import style
 from vita.ui.compose import SELECT, TRACKER
 from vita.ui.panels import lists
@@ -86,6 +87,11 @@ class TaskPanel:
         self._name.on_update(guard(self._rename))
         self._weight = gui.add_number("Weight", 1.0, min=0.01, max=100.0, step=0.1, visible=False)
         self._weight.on_update(guard(self._set_weight))
+        self._priority = gui.add_number(
+            "Priority", 1, min=1, max=LEAST_PRIORITY, step=1, visible=False,
+            hint="1 is the most important; a higher number acts only where lower ones leave the arm free.",
+        )
+        self._priority.on_update(guard(self._set_priority))
         self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, hint="Ctrl+Z")
         self._redo = gui.add_button("Redo", icon=viser.Icon.ARROW_FORWARD_UP, hint="Ctrl+Y")
         self._clear = gui.add_button(
@@ -184,7 +190,7 @@ class TaskPanel:
         self._editing = selected
         spec = next((k for k in snapshot.scenario.constraint if k.name == self._constraint), None)
         if self._weight.visible != (spec is not None):
-            self._weight.visible = spec is not None
+            self._weight.visible = self._priority.visible = spec is not None
         if spec is None:
             self._constraint = None
 
@@ -198,7 +204,7 @@ class TaskPanel:
         self._constraint = None if self._constraint == name else name
         for spec in self._desk.snapshot().scenario.constraint:
             if spec.name == name:
-                self._weight.value = float(spec.weight)
+                self._weight.value, self._priority.value = float(spec.weight), int(spec.priority)
 
     def _set_goal(self, event: Any) -> None:
         choice = event.target.value
@@ -226,4 +232,9 @@ class TaskPanel:
         if self._constraint is not None:
             value = number(event.target.value, 0.01, 100.0, "weight")
             self._desk.submit(c.SetWeight(self._constraint, value))
+
+    def _set_priority(self, event: Any) -> None:
+        if self._constraint is not None:
+            value = round(number(event.target.value, 1, LEAST_PRIORITY, "priority"))
+            self._desk.submit(c.SetPriority(self._constraint, value))
 
