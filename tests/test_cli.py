@@ -359,11 +359,11 @@ def test_a_shipped_scenario_runs_the_same_twice(tmp_path: Path) -> None:
     """The whole way: process, simulator, JSON, recording."""
     lines = []
     for folder in ("a", "b"):
-        done = process("run", "point_to_point", "--json", "--out", str(tmp_path / folder))
+        done = process("run", "point_to_point_wam4", "--json", "--out", str(tmp_path / folder))
         assert done.returncode == 0, done.stderr
         lines.append(done.stdout)
     assert lines[0] == lines[1] and json.loads(lines[0])["passed"]
-    assert RunRecord.load(tmp_path / "a" / "point_to_point").outcome == "converged"
+    assert RunRecord.load(tmp_path / "a" / "point_to_point_wam4").outcome == "converged"
 
 
 # The README and CI -------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import pytest
 import viser.transforms as vtf
 
 from vita.ui.layout import FOV, Rect
-from vita.ui.lens import GRACE_S, STRAIGHT, Lens
+from vita.ui.lens import GRACE_S, PATIENCE_S, STRAIGHT, Lens
 
 WORLD_FOV = float(np.radians(42.0))
 TURNED = vtf.SO3.from_rpy_radians(0.6, 0.2, 0.4).wxyz
@@ -43,12 +43,32 @@ def test_aiming_straight_asks_for_the_board_and_is_not_tilted(bench: Bench) -> N
     assert not bench.lens.tilted()
 
 
-@pytest.mark.parametrize("later", [0.0, 0.5 * GRACE_S, 2 * GRACE_S, 100.0])
+@pytest.mark.parametrize("later", [0.0, 0.5 * GRACE_S, 2 * GRACE_S, 0.9 * PATIENCE_S])
 def test_a_late_report_of_the_3d_world_is_no_tilted_board(bench: Bench, later: float) -> None:
-    """However late: straightening what was the 3D world's view would aim beside the board."""
     bench.reports(WORLD_FOV, TURNED)
     bench.now += later
     assert not bench.lens.tilted()
+
+
+@pytest.mark.parametrize(
+    "report",
+    [
+        {"fov": WORLD_FOV, "wxyz": TURNED},
+        {"fov": FOV, "wxyz": TURNED, "look_at": (350.0, 199700.0, 0.0)},
+        {"fov": FOV, "wxyz": STRAIGHT, "position": (650.0, 201000.0, -9000.0)},
+    ],
+)
+def test_a_browser_that_stays_away_is_asked_again_for_the_view_that_was_aimed(
+    bench: Bench, report: dict[str, object]
+) -> None:
+    """Half of what it tells may be the board's and half the 3D world's: nothing of it is to be aimed at."""
+    aimed = bench.camera.position, bench.camera.look_at
+    for key, value in report.items():
+        setattr(bench.camera, key, value)
+    bench.now += 1.1 * PATIENCE_S
+    assert bench.lens.tilted()
+    bench.lens.straighten()
+    assert (bench.camera.position, bench.camera.look_at, bench.camera.fov) == (*aimed, FOV)
 
 
 def test_a_turned_view_of_the_board_is_tilted_and_said_once(bench: Bench) -> None:

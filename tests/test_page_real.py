@@ -162,6 +162,7 @@ def test_a_task_clicked_together_converges_stops_and_survives_a_reload(
     assert len(visit.runner.snapshot().scenario.constraint) == 2
 
     # So slow that even a busy browser presses Stop on the way.
+    visit.runner.submit(c.SetServo("policy", "fixed"))
     visit.runner.submit(c.SetServo("gain", 0.02))
     start(visit)
     wait_for(lambda: state(visit) == "servoing", "the arm on its way", 60.0)
@@ -169,6 +170,7 @@ def test_a_task_clicked_together_converges_stops_and_survives_a_reload(
     record_property("stop_click_to_rest_s", round(seconds, 3))
     print(f"Stop click to arm at rest: {seconds:.3f} s")
     visit.runner.submit(c.SetServo("gain", 0.3))
+    visit.runner.submit(c.SetServo("policy", "uncertainty"))
     assert seconds < 2.0
     assert (state(visit), visit.runner.snapshot().status.reason) == ("hold", "stopped_by_user")
 

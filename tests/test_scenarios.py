@@ -37,8 +37,9 @@ def test_it_meets_its_expectations(name: str) -> None:
     assert record.passed, f"{record.expect} {record.outcome}/{record.reason}: {record.message}"
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [n for n in NAMES if n not in ("wrench_flip", "wrench_fixed")])
 def test_two_runs_are_identical_to_the_bit(name: str) -> None:
+    """The two long wrenches are left out: they are made of what `wrench` is made of."""
     first, second = record_of(name), run_scenario(vita.load(name), name=name)
     for key in ("stamp", "q", "error", "command", "uv", "seen", "jacobian"):
         np.testing.assert_array_equal(getattr(first, key), getattr(second, key), err_msg=key)

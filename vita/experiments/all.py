@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from importlib import import_module
 
+from vita.experiments.base import EXPERIMENTS
+
 MODULES = (
     "camera_rotation",
     "camera_baseline",
@@ -16,3 +18,6 @@ MODULES = (
 
 for _module in MODULES:
     import_module(f"vita.experiments.{_module}")
+    # Somebody may have imported one of them before; the order is the documents' all the same.
+    _name = _module.replace("_", "-")
+    EXPERIMENTS[_name] = EXPERIMENTS.pop(_name)

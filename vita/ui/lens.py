@@ -13,12 +13,18 @@ from vita.ui.layout import FOV, Rect, unproject, window_distance
 STRAIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 GRACE_S = 0.4
 """So long after aiming, what the browser reports may still be the old view [s]."""
+PATIENCE_S = 2.0
+"""So long it may report another place altogether before it is asked again [s]."""
+FARTHEST = 1e5
+"""Beyond this from the board's middle lies the 3D world [board units]."""
 
 
 class Lens:
     def __init__(self, client: viser.ClientHandle) -> None:
         self._client = client
         self._aimed_at = 0.0
+        self._straight: tuple[float, float, float] | None = None
+        """Place and distance of the straight view that was aimed last."""
         self.aspect = 0.0
         """Of the window for which the views were arranged last."""
         client.camera.max_orbit_distance = 1.0e6
@@ -40,14 +46,27 @@ class Lens:
     def show(self, rect: Rect, height: float) -> None:
         """Look straight at the middle of `rect` with `height` board units in the window."""
         x, y = rect.center
-        self.aim((x, y, -window_distance(height)), (x, y, 0.0))
+        self._face(x, y, window_distance(height))
+
+    def _face(self, x: float, y: float, distance: float) -> None:
+        self._straight = x, y, distance
+        self.aim((x, y, -distance), (x, y, 0.0))
 
     def straighten(self) -> None:
         """Back to the straight view, at the zoom and place where it is."""
         camera = self._client.camera
+        if self._astray() and self._straight is not None:
+            self._face(*self._straight)
+            return
         distance = float(np.linalg.norm(camera.look_at - camera.position))
-        x, y = float(camera.look_at[0]), float(camera.look_at[1])
-        self.aim((x, y, -distance), (x, y, 0.0))
+        self._face(float(camera.look_at[0]), float(camera.look_at[1]), distance)
+
+    def _astray(self) -> bool:
+        """Whether the browser tells of a view, or of half a view, that is not of the board: on the way
+        from the 3D world its messages may hold the one's place and the other's direction."""
+        camera = self._client.camera
+        off = abs(float(camera.fov) - FOV) > 1e-3 or abs(float(camera.look_at[2])) > 1.0
+        return off or max(abs(float(camera.look_at[1])), abs(float(camera.position[1]))) > FARTHEST
 
     def take_aspect(self) -> None:
         """Remember the window's shape, so that `reshaped` tells when it has changed."""
@@ -59,12 +78,11 @@ class Lens:
 
     def tilted(self) -> bool:
         """Whether arrow keys or orbiting have turned a straight view; said once per aiming."""
-        if abs(float(self._client.camera.fov) - FOV) > 1e-3:
-            # A slow browser still reports the 3D world; straightening that would aim beside the board.
-            return False
         wxyz = self._client.camera.wxyz
         off = min(np.abs(wxyz - STRAIGHT).max(), np.abs(wxyz + STRAIGHT).max())
-        if off < 2e-3 or time.monotonic() - self._aimed_at < GRACE_S:
+        # A slow browser goes on telling of the 3D world for a while: what it was asked for is on its way.
+        grace = PATIENCE_S if self._astray() else GRACE_S
+        if (off < 2e-3 and not self._astray()) or time.monotonic() - self._aimed_at < grace:
             return False
         self._aimed_at = time.monotonic()
         return True

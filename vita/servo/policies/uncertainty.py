@@ -28,6 +28,8 @@ MOVED_SIGMAS = 4.0
 """The goal itself has moved when new and old measurements disagree by more."""
 WORSE_PX, WORSE_SIGMAS = 50.0, 2.5
 """No step may raise the sum of errors by more, should the Jacobian be wrong by so many deviations."""
+TRIED_WORSE_PX = 20.0
+"""The same for motions along directions that are hardly known [px]."""
 FIRST_RADIUS, LEAST_RADIUS, MOST_RADIUS = 0.35, 0.02, 0.35
 """Trust radius [rad]."""
 LEAST_GAIN, GAIN_RATE = 0.25, 1.6
@@ -146,12 +148,13 @@ class UncertaintyDamped(StepPolicy):
         length = np.maximum(np.sqrt(np.vecdot(direction, direction)), 1e-12)
         share = np.minimum(memory.gain + view.near * (1.0 - memory.gain), memory.radius / length)
         dq = share[..., None] * direction
-        bold = ~view.near
+        if not all_of(view.near):
+            dq = self._not_much_worse(now, dq, ~view.near, WORSE_PX)
         if not all_of(ways.used[..., ways.first :]):
             attempt = ways.attempt(masked(jacobian, now.free), now.estimate, now.e, direction)
-            bold, dq = bold | np.logical_or.reduce(attempt != 0.0, axis=-1), dq + attempt
-        if some(bold):
-            dq = self._not_much_worse(now, dq, bold)
+            tried = np.logical_or.reduce(attempt != 0.0, axis=-1)
+            if some(tried):
+                dq = self._not_much_worse(now, dq + attempt, tried, TRIED_WORSE_PX)
         dither = view.near & memory.whole
         if some(dither):
             slope = np.vecmat(self._pattern(memory.count, rows), jacobian)
@@ -206,9 +209,9 @@ class UncertaintyDamped(StepPolicy):
             memory.gain = np.where(bad, gain, memory.gain)
             memory.radius = np.where(bad, shorter, memory.radius)
 
-    def _not_much_worse(self, now: Situation, dq: Array, bold: Mask) -> Array:
+    def _not_much_worse(self, now: Situation, dq: Array, bold: Mask, worse_px: float) -> Array:
         """`dq` shortened until even a wrong Jacobian could not raise the error by much."""
-        bound = np.add.reduce(np.abs(now.e), axis=-1) + WORSE_PX
+        bound = np.add.reduce(np.abs(now.e), axis=-1) + worse_px
         rows = now.e.shape[-1]
         for _ in range(SHRINKS):
             expected = np.add.reduce(np.abs(now.e + np.matvec(now.estimate.jacobian, dq)), axis=-1)
