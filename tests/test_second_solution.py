@@ -144,7 +144,7 @@ def test_goals_that_contradict_each_other_are_found_out() -> None:
 # Its parts ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["point_to_point", "wrench", "eye_in_hand", "point_to_point_wam4"])
+@pytest.mark.parametrize("name", ["wrench", "eye_in_hand"])
 def test_the_twin_sees_what_the_simulator_sees(name: str) -> None:
     from vita.sim.lockstep import LockstepRig
 

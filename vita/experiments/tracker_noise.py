@@ -94,7 +94,8 @@ def _checks(curves: tables.Curves, real: RealArm, quick: bool) -> list[Check]:
     for noise, rig in product(("gaussian", "fading"), RIGS):
         value = tables.rank_correlation(curves[Case(rig, noise, "default")])
         what = f"rank correlation of error and distance: default, {rig}, {noise}"
-        checks.append(Check(what, value, least=0.9))
+        # Nine distances with sixteen trials each rank less surely than 33 with fifty.
+        checks.append(Check(what, value, least=0.75 if quick else 0.9))
     for method in tables.PAIR:
         what = f"one camera's error over that of two, least: {method}"
         checks.append(Check(what, _worst_ratio(curves, method), least=1.0))
