@@ -260,10 +260,19 @@ def test_every_documented_key_does_what_it_says(visit: Visit) -> None:
     wait_for(lambda: board.mode == "cameras", "the cameras by v")
     wait_for(lambda: page.evaluate("window.vitaPage.still") is True, "arrow keys that may not")
     settle(visit)
-    window = board.layout
-    assert window is not None
+
+    def shown() -> float:
+        """Share of the whole board's height that is seen."""
+        assert board.layout is not None
+        return board.lens._height() / board.layout.window.h
+
     # What the browser tells of its camera lags behind, and at first it is still the 3D world's.
-    wait_for(lambda: abs(board.lens._height() / window.window.h - 1) < 0.01, "all cameras after v")
+    try:
+        wait_for(lambda: abs(shown() - 1) < 0.01, "all cameras after v")
+    except BaseException:
+        camera = board.lens._client.camera
+        print("share", shown(), "fov", camera.fov, "position", camera.position, "look_at", camera.look_at)
+        raise
     whole = board.lens.unit()
     page.keyboard.press("2")
     wait_for(lambda: board.lens.unit() < 0.9 * whole, "one camera by 2")

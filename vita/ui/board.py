@@ -104,6 +104,8 @@ class Board:
             self._big.update(snapshot.poses)
             self._big.foresee(self._ghost_poses(snapshot), snapshot.poses)
             return
+        if self.lens.tilted():  # A browser that has fallen silent tells nothing that could start this.
+            self.lens.straighten()
         unit, aim = self.lens.unit(), self._aim()
         self._magnify(snapshot, aim, unit)
         self._trails.add(snapshot)
