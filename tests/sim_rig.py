@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vita.errors import BadInput, RigOffline
+from vita.impedance.arm_model import ArmModel
+from vita.impedance.view import Capsule
 from vita.scenario.schema import (
     AttachSpec,
     CameraSpec,
@@ -90,6 +92,12 @@ class KinematicRig:
 
     def poses(self) -> Mapping[str, Array]:
         return {"world": np.eye(4)}
+
+    def arm_model(self) -> ArmModel:
+        raise NotImplementedError("this rig's hand is no chain of joints")
+
+    def obstacles(self) -> Sequence[Capsule]:
+        return ()
 
     def visuals(self) -> Sequence[Visual]:
         return ()

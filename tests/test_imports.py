@@ -39,16 +39,21 @@ def room(path: Path) -> str:
     return parts[0] if len(parts) > 1 else ""
 
 
-PURE = [f for f in FILES if room(f) in ("constraints", "servo")]
+PURE = [f for f in FILES if room(f) in ("constraints", "servo", "stereo", "impedance")]
 ALLOWED_IN_PURE = {"numpy", "scipy", "vita.types", "vita.errors", "vita.constraints", "vita.servo"}
+ALLOWED_IN_STEREO = {"numpy", "scipy", "vita.types", "vita.errors", "vita.stereo"}
+ALLOWED_IN_IMPEDANCE = ALLOWED_IN_STEREO | {"vita.impedance", "vita.servo"}
+"""The second mode knows cameras and arm by their drawings; nothing of the simulation."""
+ALLOWED = {"stereo": ALLOWED_IN_STEREO, "impedance": ALLOWED_IN_IMPEDANCE}
 
 
 @pytest.mark.parametrize("path", PURE, ids=lambda p: str(p.relative_to(PACKAGE)))
-def test_constraints_and_servo_import_only_numbers_and_plain_types(path: Path) -> None:
+def test_the_rooms_of_control_import_only_numbers_and_plain_types(path: Path) -> None:
     for name in imported(path):
         top = name.split(".")[0]
         fine = top in sys.stdlib_module_names or any(
-            name == allowed or name.startswith(allowed + ".") for allowed in ALLOWED_IN_PURE
+            name == allowed or name.startswith(allowed + ".")
+            for allowed in ALLOWED.get(room(path), ALLOWED_IN_PURE)
         )
         assert fine, f"{path.name} imports {name}"
 

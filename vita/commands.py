@@ -115,6 +115,21 @@ class SetServo:
 
 
 @dataclass(frozen=True)
+class SetMode:
+    """Choose what Start does: `uvs` or `impedance`. Not while the arm moves."""
+
+    mode: str
+
+
+@dataclass(frozen=True)
+class SetImpedance:
+    """Change one field of `ImpedanceConfig`; in force from the next control period on."""
+
+    field: str
+    value: object
+
+
+@dataclass(frozen=True)
 class SetLimits:
     """Change one field of `Limits` (`speed_rad_s`, ...)."""
 
@@ -171,6 +186,8 @@ Command = (
     | Undo
     | Redo
     | SetServo
+    | SetMode
+    | SetImpedance
     | SetLimits
     | SetJointLimit
     | ResetArm

@@ -7,6 +7,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from vita.impedance.arm_model import ArmModel
+from vita.impedance.view import Capsule
 from vita.types import Array, Joint, JointStep, Observation, Visual
 
 
@@ -77,6 +79,15 @@ class SimulatedRig(Rig, Protocol):
 
     def poses_at(self, q: Array) -> Mapping[str, Array]:
         """Body name to (4, 4) T_world_body of the robot's links, were the joints at `q` (n,) [rad]."""
+        ...
+
+    def arm_model(self) -> ArmModel:
+        """The arm's kinematics as its drawing gives them: what a controller of this robot may know."""
+        ...
+
+    def obstacles(self) -> Sequence[Capsule]:
+        """People and obstacles at the last observation as thick segments, as a safety scanner would report
+        them."""
         ...
 
     def visuals(self) -> Sequence[Visual]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from vita.impedance.view import ImpedanceView
 from vita.scenario.schema import Scenario
 from vita.servo.insight import Finding, Insight
 from vita.types import NO_ERROR, Array, ErrorVector, Feature, Image, Joint, Notice, Status, Timing, frozen
@@ -50,3 +51,5 @@ class Snapshot:
     that are expected to move."""
     ghost_poses: Mapping[str, Array] = field(default_factory=dict)
     """Body name to (4, 4) T_world_body after the next step in simulation, for the 3D view only."""
+    impedance: ImpedanceView = ImpedanceView()
+    """What the stereo-impedance mode sees and does. The mode in force is `scenario.mode`."""

@@ -50,6 +50,9 @@ class Observation:
     """(n,) measured joint positions at `stamp` [rad]."""
     frames: Mapping[str, Image]
     """Camera name to (height, width, 3) RGB frame, read-only."""
+    depths: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    """Depth camera name to (height / 4, width / 4) distance along its optical axis, the top-left pixel of
+    every block of 4 by 4; infinite where nothing is [m]. Only cameras with `depth = true`."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +146,9 @@ class JointStep:
     """Stamp of that observation [s]: the permission to move expires with the image."""
     speed_scale: float = 1.0
     """Share of the speed limits that may be used (below 1 while exploring)."""
+    arrive_s: float = 0.0
+    """Time after `stamp` before which the target is not to be reached, for motion that flows from one step
+    into the next; 0 goes there as fast as the limits allow [s]."""
 
 
 State = Literal["offline", "idle", "learning", "servoing", "hold", "done", "fault", "estop"]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from vita.impedance.config import ImpedanceConfig
 from vita.servo.config import Limits, ServoConfig
 
 SCHEMA = 1
@@ -56,7 +57,7 @@ class CameraSpec:
     look_from: Vector3 | None = None
     look_at: Vector3 | None = None
     mount: str | None = None
-    """Link that carries the camera (`tool`, `flange` or a link's name)."""
+    """What carries the camera: a robot link, `tool`, `flange`, or an object such as a tripod."""
     xyz: Vector3 = (0.0, 0.0, 0.0)
     """Camera position in the mount's frame [m]."""
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
@@ -65,6 +66,8 @@ class CameraSpec:
     """Vertical field of view [deg]."""
     size: tuple[int, int] = (640, 480)
     """Width and height [px]."""
+    depth: bool = False
+    """Whether it also measures depth, as an RGB-D camera does."""
 
 
 @dataclass(frozen=True)
@@ -156,6 +159,35 @@ class DistanceSpec:
 
 
 @dataclass(frozen=True)
+class FollowSpec:
+    """Ground truth for judging: how well `of` keeps its wanted pose relative to `to` (the target) over time.
+
+    The wanted pose is that of `[impedance]`: `offset_xyz`, `offset_rpy_deg`.
+    """
+
+    to: str
+    of: str = "tool"
+    from_s: float = 0.0
+    until_s: float = 1e5
+    rms_mm: float | None = None
+    """Largest root mean square distance [mm]."""
+    rms_deg: float | None = None
+    """Largest root mean square angle [deg]."""
+    mean_mm: float | None = None
+    """Largest length of the mean offset: a stationary bias [mm]."""
+
+
+@dataclass(frozen=True)
+class ClearanceSpec:
+    """Ground truth for judging: how near the arm may come to a body during the whole run."""
+
+    to: str
+    """An object, or `table`."""
+    min: float
+    """Smallest allowed distance between the arm's skeleton and the body's surface [mm]."""
+
+
+@dataclass(frozen=True)
 class ExpectSpec:
     """The `[expect]` table: what a headless run must end with; None leaves a row unchecked."""
 
@@ -166,6 +198,11 @@ class ExpectSpec:
     final_distance_mm: DistanceSpec | None = None
     max_joint_motion_after_deg: float | None = None
     """Largest joint motion after the run's end is declared: proof that the arm is at rest [deg]."""
+    follow: tuple[FollowSpec, ...] = ()
+    clearance: tuple[ClearanceSpec, ...] = ()
+    recovered_mm: float | None = None
+    """Largest distance at the end between the tool's true position and the one recovered from the cameras
+    with the learned calibration [mm]."""
 
 
 @dataclass(frozen=True)
@@ -179,9 +216,13 @@ class Scenario:
     tracker: tuple[TrackerSpec, ...] = ()
     constraint: tuple[ConstraintSpec, ...] = ()
     servo: ServoConfig = ServoConfig()
+    impedance: ImpedanceConfig = ImpedanceConfig()
     limits: Limits = Limits()
     script: tuple[ScriptSpec, ...] = ()
     expect: ExpectSpec | None = None
     description: str = ""
     """A sentence or two shown in the page when the task is opened."""
+    mode: str = "uvs"
+    """What Start does: `uvs`, uncalibrated visual servoing of the drawn constraints, or `impedance`,
+    following a marker seen in stereo with a virtual mass (`[impedance]`)."""
     schema: int = SCHEMA

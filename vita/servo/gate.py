@@ -64,6 +64,7 @@ class Gate:
         self._anchored = False
         self._target: Array | None = None
         self._scale, self._expires, self._newest = 1.0, -np.inf, -np.inf
+        self._arrive = -np.inf
         self._away = 0
         self.stopped = False
         """Latched by `stop()`; only `release()` clears it."""
@@ -120,6 +121,7 @@ class Gate:
         self._newest = stamp
         self._target = target
         self._scale = min(max(float(step.speed_scale), 0.0), 1.0)
+        self._arrive = stamp + float(step.arrive_s)
         # The permission to move expires with the step and with the image that it answers.
         self._expires = min(now + self._lease_s, stamp + MAX_FRAME_AGE_S) + 1e-9
 
@@ -129,8 +131,9 @@ class Gate:
             with np.errstate(over="ignore", invalid="ignore"):
                 dq = np.asarray(step.dq, dtype=float)
                 target = np.asarray(step.q_from, dtype=float) + dq
+                numbers = np.array([step.stamp, step.speed_scale, step.arrive_s], dtype=float)
             good = dq.shape == target.shape == (self._n,) and np.isfinite(target).all()
-            return target if good and np.isfinite([step.stamp, step.speed_scale]).all() else None
+            return target if good and np.isfinite(numbers).all() else None
         except (TypeError, ValueError, OverflowError):
             return None
 
@@ -144,7 +147,7 @@ class Gate:
             wanted = v - np.clip(v, -a * dt, a * dt)
             self.saturated = np.zeros(self._n, dtype=bool)
         else:
-            wanted = self._toward(self._target)
+            wanted = self._toward(self._target, self._arrive - now)
         # The limits have the last word, each joint for itself: outside them only inward motion.
         up = braking_speed(np.maximum(self._high - q, 0.0), a, dt)
         down = braking_speed(np.maximum(q - self._low, 0.0), a, dt)
@@ -155,8 +158,9 @@ class Gate:
         self._q = q + self._v * dt
         return self._q.copy(), self._v.copy()
 
-    def _toward(self, target: Array) -> Array:
-        """(n,) speed wanted for this cycle: straight to the target, all joints arriving together."""
+    def _toward(self, target: Array, left_s: float) -> Array:
+        """(n,) speed wanted for this cycle: straight to the target, all joints arriving together, and not
+        before `left_s` has passed."""
         q, v, a, dt = self._q, self._v, self.acceleration, self._dt
         # Aim inside the limits, or a joint that is held would slow down the others for nothing.
         reachable = np.clip(target, np.minimum(self._low, q), np.maximum(self._high, q))
@@ -169,7 +173,7 @@ class Gate:
         # Joints that have arrived, or that may not move at all, do not set the pace of the others.
         paced = (distance > 0) & (self._speed > 0)
         rates = np.divide(top, distance, out=np.full(self._n, 1.0 / dt), where=paced)
-        change = way * min(float(rates.min()), 1.0 / dt) - v
+        change = way * min(float(rates.min()), 1.0 / max(left_s, dt)) - v
         # One common share of the wanted change keeps the path straight while speeding up, too.
         largest = float(np.abs(change).max(initial=0.0))
         if largest > a * dt:

@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from vita import errors
+from vita.impedance.arm_model import ArmModel
+from vita.impedance.view import Capsule
 from vita.scenario.schema import Scenario
 from vita.sim import live_child
 from vita.sim.robots import load_robot
@@ -181,6 +183,14 @@ class LiveRig:
     def poses(self) -> Mapping[str, Array]:
         """Ground truth at the last observation: body name to (4, 4) T_world_body."""
         return self._truth.poses
+
+    def arm_model(self) -> ArmModel:
+        """The arm's kinematics as its drawing gives them."""
+        return self._model.arm_model()
+
+    def obstacles(self) -> Sequence[Capsule]:
+        """People and obstacles at the last observation as thick segments."""
+        return ()
 
     def visuals(self) -> Sequence[Visual]:
         """The meshes of the scene."""

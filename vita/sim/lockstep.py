@@ -8,6 +8,8 @@ from types import MappingProxyType
 import numpy as np
 
 from vita.errors import RigOffline
+from vita.impedance.arm_model import ArmModel
+from vita.impedance.view import Capsule
 from vita.scenario.schema import Scenario
 from vita.sim.truth import GroundTruth
 from vita.sim.world import World
@@ -80,6 +82,14 @@ class LockstepRig:
     def poses(self) -> Mapping[str, Array]:
         """Ground truth at the last observation: body name to (4, 4) T_world_body."""
         return self._truth.poses
+
+    def arm_model(self) -> ArmModel:
+        """The arm's kinematics as its drawing gives them."""
+        return self._world.model.arm_model()
+
+    def obstacles(self) -> Sequence[Capsule]:
+        """People and obstacles at the last observation as thick segments."""
+        return ()
 
     def visuals(self) -> Sequence[Visual]:
         """The meshes of the scene."""

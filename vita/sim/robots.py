@@ -11,6 +11,7 @@ import numpy as np
 
 from vita.assets import asset
 from vita.errors import BadInput, UnknownName
+from vita.impedance.arm_model import ArmModel
 from vita.sim.dh import DHChain
 from vita.sim.urdf import Urdf, UrdfJoint
 from vita.sim.urdf_file import read_urdf
@@ -49,6 +50,8 @@ class RobotModel:
     """The parsed URDF."""
     bodies: dict[str, str] = field(repr=False)
     """URDF link name to body name."""
+    landmarks: tuple[int, int, int] | None = None
+    """Shoulder, elbow and wrist; see `ArmModel.landmarks`."""
 
     @property
     def n(self) -> int:
@@ -72,6 +75,24 @@ class RobotModel:
         poses["flange"] = poses[self.link_names[-1]] @ self.T_last_tool
         poses["tool"] = poses["flange"].copy()
         return poses
+
+    def arm_model(self) -> ArmModel:
+        """The kinematics of the joints that turn the arm, for a controller. Raises `BadInput` for an arm
+        with sliding joints."""
+        before, T = [], self.T_world_base
+        for joint in self.tree.path_to(self._last_link):
+            T = T @ joint.origin
+            if joint.movable:
+                if joint.kind == "prismatic":
+                    raise BadInput(f"joint {joint.name!r} slides; only turning joints do", self.name)
+                before.append(T)
+                T = np.eye(4)
+        axes = np.array([joint.axis for joint in self.urdf_joints])
+        return ArmModel(self.name, self.joints, np.array(before), axes, T @ self.T_last_tool, self.landmarks)
+
+    @property
+    def _last_link(self) -> str:
+        return next(link for link, body in self.bodies.items() if body == self.link_names[-1])
 
     def visuals(self) -> tuple[Visual, ...]:
         """The meshes of the links; their bodies are `link_names`."""
@@ -120,6 +141,7 @@ def _wam(name: str, wam: WAM) -> RobotModel:
         T_world_base=frozen(T_world_base),
         tree=tree,
         bodies=bodies,
+        landmarks=(1, 3, 4 if name == "wam4" else 5),
     )
 
 

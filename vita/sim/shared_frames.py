@@ -61,7 +61,7 @@ class SharedFrames:
         self._owner = name is None
         self.name = self._memory.name
         self._control = self._view((8,), np.int64, 0)
-        self._command = self._view((3 + 2 * MAX_JOINTS,), np.float64, _CONTROL)
+        self._command = self._view((4 + 2 * MAX_JOINTS,), np.float64, _CONTROL)
         self._sequence, self._meta, self._images = [], [], []
         for i in range(SLOTS):
             base = start + i * slot
@@ -143,8 +143,8 @@ class SharedFrames:
         if step is not None:
             block[0] = 1.0
             try:
-                block[1:3] = step.stamp, step.speed_scale
-                for value, start in ((step.dq, 3), (step.q_from, 3 + MAX_JOINTS)):
+                block[1:4] = step.stamp, step.speed_scale, step.arrive_s
+                for value, start in ((step.dq, 4), (step.q_from, 4 + MAX_JOINTS)):
                     array = np.asarray(value, dtype=float)
                     block[start : start + joints] = array if array.shape == (joints,) else np.nan
             except (TypeError, ValueError):
@@ -164,8 +164,8 @@ class SharedFrames:
         self._seen_command = sequence
         if not block[0]:
             return True, None
-        dq, q_from = block[3 : 3 + joints], block[3 + MAX_JOINTS : 3 + MAX_JOINTS + joints]
-        return True, JointStep(dq, q_from, float(block[1]), float(block[2]))
+        dq, q_from = block[4 : 4 + joints], block[4 + MAX_JOINTS : 4 + MAX_JOINTS + joints]
+        return True, JointStep(dq, q_from, *(float(number) for number in block[1:4]))
 
     # ---- flags: counters, so that no event is missed however short ---------------------------------
 
