@@ -27,6 +27,17 @@ class Capsule:
 
 
 @dataclass(frozen=True, eq=False)
+class Surface:
+    """Points of what a depth camera sees near the arm, in the robot's base frame; the arm itself, what it
+    carries and the table are left out."""
+
+    points: Array
+    """(k, 3) [m]."""
+    normals: Array
+    """(k, 3) unit normals, towards the camera: D_h of TUM eq. 21."""
+
+
+@dataclass(frozen=True, eq=False)
 class ImpedanceView:
     """One instant. Positions are in the robot's base frame [m], forces in newtons; None is unknown."""
 
@@ -63,3 +74,5 @@ class ImpedanceView:
     """(camera, `tool` or `target`) to (4, 2) corners of the marker in that picture [px]."""
     obstacles: tuple[Capsule, ...] = ()
     """What the arm keeps clear of now."""
+    surface: Surface | None = None
+    """The same from a depth camera, where one is used."""
