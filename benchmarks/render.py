@@ -18,7 +18,7 @@ from vita.sim.render_gl import GlRenderer
 from vita.sim.render_tiny import TinyRenderer
 from vita.sim.robots import load_robot
 from vita.sim.tools import build_tool
-from vita.types import Array
+from vita.types import DEPTH_STEP_PX, Array
 
 LEFT, RIGHT = PinholeCamera("left", (640, 480), 36), PinholeCamera("right", (640, 480), 36)
 FIXED = (
@@ -42,6 +42,7 @@ def main(frames: int) -> None:
         "gl, uncached, antialiased": (full, False),
         "gl, uncached": (rough, False),
         "gl, camera on the hand": (cached, True),
+        "gl, cached, depth alone": (cached, False),
         "tiny": (TinyRenderer(visuals), False),
     }
     times: dict[str, list[float]] = {name: [] for name in cases}
@@ -56,7 +57,10 @@ def main(frames: int) -> None:
                 views = ((HAND, poses["tool"] @ ON_HAND),)
             start = time.perf_counter()
             for camera, T in views:
-                renderer.render(camera, T, poses)
+                if "depth" in name:
+                    renderer.depth(camera, T, poses, DEPTH_STEP_PX)
+                else:
+                    renderer.render(camera, T, poses)
             if frame >= 2:  # The first frames compile the shaders and make the background.
                 times[name].append(1000 * (time.perf_counter() - start) / len(views))
     base = float(np.median(times["gl, cached, antialiased"]))

@@ -9,7 +9,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from vita.scenario import names
-from vita.scenario.actions import ACTIONS
+from vita.scenario.actions import ACTIONS, PATHS
 from vita.scenario.schema import (
     AttachSpec,
     CameraSpec,
@@ -114,7 +114,9 @@ def scripts(draw: Any, scenario: Scenario, n: int) -> ScriptSpec:
         "look_from": POINT, "look_at": POINT, "xyz": POINT, "rpy_deg": ANGLES, "at": vector(1e5, 2),
         "turn_deg": number(-360, 360), "for_s": number(0, 1e3), "over_s": number(0, 1e3),
         "size_px": number(1, 4096), "dq_deg": st.lists(number(-90, 90), min_size=1, max_size=n).map(tuple),
-        "field": st.just("servo.gain"), "value": number(0.01, 2.0),
+        "field": st.just("servo.gain"), "value": number(0.01, 2.0), "path": st.sampled_from(PATHS),
+        "radius_m": number(0, 100), "length_m": number(0, 100), "speed_m_s": number(0, 10),
+        "turn_deg_s": number(0, 360),
     }  # fmt: skip
     for key, specs in named.items():
         values[key] = st.sampled_from([spec.name for spec in specs]) if specs else st.nothing()
@@ -137,7 +139,7 @@ def scenarios(draw: Any) -> Scenario:
         for name in unique(draw, NAMES, 3, ("world", *robot.links))
     )
     bodies = ("world", *robot.links, *(spec.name for spec in objects))
-    views = [draw(cameras(name, robot.links)) for name in unique(draw, NAMES, 4)]
+    views = [draw(cameras(name, bodies[1:])) for name in unique(draw, NAMES, 4)]
     marks = [draw(trackers(name, views, bodies)) for name in (unique(draw, NAMES, 8) if views else [])]
     constraints = []
     for name in unique(draw, NAMES, 4):

@@ -19,6 +19,7 @@ from vita.scenario.schema import (
     ServoConfig,
     TrackerSpec,
 )
+from vita.stereo.hull import ArmHull
 from vita.types import Array, Joint, JointStep, Observation, Visual, frozen
 
 DT = 1 / 30
@@ -95,6 +96,9 @@ class KinematicRig:
 
     def arm_model(self) -> ArmModel:
         raise NotImplementedError("this rig's hand is no chain of joints")
+
+    def arm_hull(self) -> ArmHull:
+        raise NotImplementedError("this rig's hand has no drawing")
 
     def obstacles(self) -> Sequence[Capsule]:
         return ()

@@ -5,8 +5,12 @@ import pybullet as p
 import pytest
 
 from vita.errors import BadInput
+from vita.scenario.library import welcome
 from vita.sim.arm import STEP_S, Arm, apply_dead_band
+from vita.sim.camera import PinholeCamera, camera_pose
 from vita.sim.robots import ROBOTS, load_robot
+from vita.sim.world import World
+from vita.types import JointStep
 
 
 @pytest.fixture
@@ -22,12 +26,12 @@ def limits(model) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_pybullet_stands_where_the_dh_chain_says(client, name):
-    """Position of the last frame and of all links within 1e-6 m at 1,000 random poses."""
+    """Position of the last frame and of all links within 1e-6 m at 300 random poses."""
     model = load_robot(name)
     assert model.chain is not None
     arm = Arm(client, model)
     rng = np.random.default_rng(5)
-    for _ in range(1000):
+    for _ in range(300):
         q = rng.uniform(*limits(model))
         arm.reset(q)
         frames = model.T_world_base @ model.chain.link_frames(q)
@@ -38,7 +42,7 @@ def test_pybullet_stands_where_the_dh_chain_says(client, name):
             fixed = model.chain.fixed(i)
             assert np.abs(np.array(state[4]) + R @ fixed[:3, 3] - frames[i + 1][:3, 3]).max() < 1e-6
             assert np.abs(R @ fixed[:3, :3] - frames[i + 1][:3, :3]).max() < 1e-5
-        reach = 0.35 if name == "wam4" else 0.0
+        reach = {"wam4": 0.35, "puma560": 0.05625}.get(name, 0.0)
         tool = arm.poses()["tool"][:3, 3]
         assert np.abs(tool - frames[-1][:3, 3] - reach * frames[-1][:3, 2]).max() < 1e-9
 
@@ -63,6 +67,40 @@ def test_the_arm_tracks_its_set_points(client, name):
     errors = list(follow(client, arm, 960))
     assert max(errors) < 1e-4
     assert errors[-1] < 1e-6 and np.abs(arm.velocity()).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", ["tx90", "puma560"])
+def test_a_step_through_the_gate_arrives_and_the_arm_stays_there(name):
+    """In the world, with its tool and cameras: no faster than the joints may, no drift, no saturation."""
+    world = World(welcome(name))
+    q0, fastest = world.q(), np.zeros(6)
+    target = q0 + np.array([0.5, -0.4, 0.3, 0.8, -0.6, 1.0])
+    for _ in range(60):
+        world.command(JointStep(dq=target - world.q(), q_from=world.q(), stamp=world.time))
+        world.advance()
+        fastest = np.maximum(fastest, np.abs(world.arm.velocity()))
+    assert np.abs(world.q() - target).max() < 1e-6
+    assert (fastest <= [1.001 * joint.max_speed for joint in world.joints]).all() and fastest.max() > 0.5
+    for _ in range(30):
+        world.command(None)
+        world.advance()
+    assert np.abs(world.q() - target).max() < 1e-6 and np.abs(world.arm.velocity()).max() < 1e-6
+    state = world.gate_state()
+    assert state["at_rest"] and not state["fault"] and not state["dropped"]
+    assert all(frame.std() > 10 for frame in world.frames().values()), "the cameras see something"
+    world.close()
+
+
+@pytest.mark.parametrize("name", ["tx90", "puma560"])
+def test_the_tool_is_seen_by_both_cameras_of_the_empty_scene(name):
+    """The printed card is wholly inside of both pictures when the app starts with this arm."""
+    scenario, model = welcome(name), load_robot(name)
+    card = [[0.0, y, z, 1.0] for y in (-0.035, 0.035) for z in (0.05, 0.12)]
+    world_points = (model.poses(model.q_ready)["tool"] @ np.transpose(card))[:3].T
+    for spec in scenario.camera:
+        camera = PinholeCamera(spec.name, spec.size, spec.fov_deg)
+        uv = camera.project(camera_pose(spec, {}), world_points)
+        assert (uv > 20).all() and (uv < np.array(spec.size) - 20).all()
 
 
 def test_two_identical_runs_agree_to_the_bit():

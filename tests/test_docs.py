@@ -57,9 +57,22 @@ def test_the_settings_table_names_every_setting_with_its_default() -> None:
         assert f"| `{f.name}` | {default} |" in text, f.name
 
 
-def test_every_reason_is_in_the_servo_page() -> None:
+def test_every_setting_of_the_second_mode_is_in_its_page_with_its_default() -> None:
+    from dataclasses import fields
+
+    from vita.impedance.config import ImpedanceConfig
+
+    text = (ROOT / "docs" / "impedance.md").read_text()
+    for f in fields(ImpedanceConfig):
+        row = next((line for line in text.splitlines() if line.startswith(f"| `{f.name}` |")), "")
+        assert row, f.name
+        if isinstance(f.default, float):
+            assert row.split("|")[2].split()[0] == f"{f.default:g}", f.name
+
+
+def test_every_reason_is_in_the_pages_of_the_two_modes() -> None:
     from vita.servo import REASONS
 
-    text = (ROOT / "docs" / "servo.md").read_text()
+    text = "".join((ROOT / "docs" / name).read_text() for name in ("servo.md", "impedance.md"))
     rig_only = {"", "rig_offline"}
     assert [r for r in REASONS if r not in rig_only and f"`{r}`" not in text] == []

@@ -5,9 +5,13 @@ import numpy as np
 import pytest
 
 from vita.errors import BadInput, UnknownName
+from vita.scenario.schema import ObjectSpec
+from vita.sim import people
 from vita.sim.camera import pose_matrix
 from vita.sim.meshes import ear_clip, slab_visuals
 from vita.sim.objects import OBJECT_KINDS, build_object
+from vita.sim.obstacles import obstacle_capsules
+from vita.sim.stereo_things import HALF_BASELINE, HEAD_DOWN_DEG, LENS_HEIGHT
 from vita.sim.tools import TOOLS, build_environment, build_tool
 
 PRINTED = ("card", "board", "cube", "frame", "rail", "bolt")
@@ -72,6 +76,7 @@ def test_the_workshop_is_sound_and_its_ground_is_where_the_arm_stands(table):
         ("post", (-0.035, -0.035, -0.25), (0.035, 0.035, 0.008)),
         ("rail", (-0.2, -0.015, -0.03), (0.2, 0.015, 0)),
         ("screen", (-0.125, -0.125, -0.004), (0.125, 0.125, 0)),
+        ("ball", (-0.06, -0.06, -0.06), (0.06, 0.06, 0.06)),
     ],
 )
 def test_objects_have_the_sizes_that_tasks_rely_on(kind, low, high):
@@ -79,6 +84,58 @@ def test_objects_have_the_sizes_that_tasks_rely_on(kind, low, high):
     assert np.allclose(points.min(axis=0), low, atol=1e-9) and np.allclose(
         points.max(axis=0), high, atol=1e-9
     )
+
+
+@pytest.mark.parametrize("kind, side", [("target", 0.08), ("marker_tool", 0.05)])
+def test_the_printed_square_has_the_promised_side(kind, side):
+    """Measured on the sheet: the share of the picture that the black frame takes, times the sheet's size."""
+    visuals = build_tool(kind) if kind in TOOLS else build_object(kind, "x")
+    (sheet,) = [visual for visual in visuals if visual.texture is not None]
+    assert sheet.texture is not None
+    black = np.flatnonzero((sheet.texture[:, :, 0] < 128).any(axis=0))
+    columns = sheet.texture.shape[1]
+    metre = np.ptp(sheet.vertices, axis=0).max() / columns
+    assert np.isclose((black[-1] + 1 - black[0]) * metre, side, atol=1e-9)
+    assert black[0] == columns - 1 - black[-1], "in the sheet's middle"
+    assert black[0] * metre >= side / 8 - 1e-9, "a quiet zone of one cell at least"
+
+
+def test_the_tripod_stands_on_the_floor_and_is_out_of_its_own_cameras_sight():
+    """Seen from either lens, what is ahead at all (a foot) is 65 degrees and more off the optical axis."""
+    points = np.concatenate([visual.vertices for visual in build_object("tripod", "x")])
+    for side in (-1, 1):
+        sight = points - (side * HALF_BASELINE, 0, 0)
+        off = np.degrees(np.arctan2(np.hypot(sight[:, 0], sight[:, 1]), sight[:, 2]))
+        assert off.min() > 65
+        assert np.linalg.norm(sight, axis=1).min() < 0.02, "a lens is there"
+    down = np.array([0.0, np.cos(np.radians(HEAD_DOWN_DEG)), np.sin(np.radians(HEAD_DOWN_DEG))])
+    assert np.isclose((points @ down).max(), LENS_HEIGHT, atol=0.003)
+
+
+def test_a_person_stands_on_the_floor_and_is_175_cm_tall():
+    points = np.concatenate([visual.vertices for visual in build_object("person", "x")])
+    assert np.isclose(points[:, 2].min(), people.FLOOR, atol=0.002)
+    assert np.isclose(np.ptp(points[:, 2]), 1.75, atol=0.01)
+    assert points[:, 0].max() < people.HAND[0] + 0.05, "the hand is what reaches farthest"
+
+
+@pytest.mark.parametrize("kind", sorted(people.SEGMENTS))
+def test_every_vertex_of_an_obstacle_lies_within_its_capsules(kind):
+    """Wherever it stands; and no capsule is a barrel around nothing: each is touched somewhere."""
+    T = pose_matrix((0.4, -0.7, 0.1), (10, -20, 130))
+    capsules = obstacle_capsules([ObjectSpec("it", kind), ObjectSpec("card", "card")], {"it": T})
+    points = np.concatenate([visual.vertices for visual in build_object(kind, "it")])
+    world = points @ T[:3, :3].T + T[:3, 3]
+    outside = np.array([distance_to_axis(c, world) - c.radius for c in capsules])
+    assert outside.min(axis=0).max() < 1e-9
+    assert np.abs(outside).min(axis=1).max() < 0.03
+    assert {c.body for c in capsules} == {"it"}
+
+
+def distance_to_axis(capsule, points):
+    way = capsule.end - capsule.start
+    share = np.clip((points - capsule.start) @ way / max(way @ way, 1e-12), 0, 1)
+    return np.linalg.norm(points - capsule.start - share[:, None] * way, axis=1)
 
 
 def test_the_card_tool_ends_at_its_tip_and_its_plate_looks_along_x():

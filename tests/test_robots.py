@@ -2,28 +2,45 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 
+from vita import cli
 from vita.assets import asset
 from vita.errors import BadInput, MissingDependency, UnknownName
-from vita.sim import wam
+from vita.scenario.library import welcome
 from vita.sim.camera import PinholeCamera, look_at
 from vita.sim.dh import DHChain
 from vita.sim.hand import hand_visuals
 from vita.sim.hidden_faces import inside
 from vita.sim.render import make_renderer
+from vita.sim.robot_files import seen_solids, write
 from vita.sim.robots import ROBOTS, load_robot
 from vita.sim.shading import shaded
-from vita.sim.shapes import ball, joined
+from vita.sim.shapes import Solid, ball, joined
+from vita.sim.shipped import SHIPPED
 from vita.sim.urdf_visuals import visual
-from vita.sim.wam_shapes import BODIES, COLORS, link_solids
 from vita.types import Visual
 
-LIMITS = [(-2.6, 2.6), (-2.0, 2.0), (-2.8, 2.8), (-0.9, 3.1), (-4.76, 1.24), (-1.6, 1.6), (-3.0, 3.0)]
+WAM_LIMITS = [(-2.6, 2.6), (-2.0, 2.0), (-2.8, 2.8), (-0.9, 3.1), (-4.76, 1.24), (-1.6, 1.6), (-3.0, 3.0)]
+TX90_LIMITS = [(-3.14, 3.14), (-2.27, 2.57), (-2.53, 2.53), (-4.71, 4.71), (-2.01, 2.44), (-4.71, 4.71)]
+PUMA_LIMITS_DEG = [(-160, 160), (-45, 225), (-225, 45), (-110, 170), (-100, 100), (-266, 266)]
+PUBLISHED = {
+    "wam4": (WAM_LIMITS[:4], [2.0] * 4, [77.3, 160.6, 95.6, 29.4]),
+    "wam7": (WAM_LIMITS, [2.0] * 7, [77.3, 160.6, 95.6, 29.4, 11.6, 11.6, 2.7]),
+    "tx90": (TX90_LIMITS, [4.36, 3.49, 5.24, 7.50, 6.11, 10.47], [318, 166, 76, 34, 29, 11]),
+    "puma560": (
+        np.radians(PUMA_LIMITS_DEG), np.radians([82, 74, 122, 228, 241, 228]),
+        [97.6, 186.4, 89.4, 24.2, 20.1, 21.3],
+    ),
+}  # fmt: skip
+"""Limits [rad], speeds [rad/s] and torques [Nm] of the joints."""
+DRAWINGS = sorted({(spec.folder, body) for spec in SHIPPED.values() for body in spec.drawings})
+SPEC_OF = {spec.folder: spec for spec in SHIPPED.values()}
 
 SMALL = """<robot name="small">
   <material name="red"><color rgba="0.9 0.1 0.1 1"/></material>
@@ -83,13 +100,32 @@ def test_at_zero_the_wam7_stands_straight_up():
     np.testing.assert_allclose(tool[:3, 3], [0, 0, 0.346 + 0.9109], atol=1e-12)
 
 
+def test_at_zero_the_tx90_stands_straight_up():
+    """The published check: flange at (0.05, 0.05, 1.428) above the mounting plane, identity orientation."""
+    expected = np.eye(4)
+    expected[:3, 3] = 0.05, 0.05, 1.428
+    np.testing.assert_allclose(load_robot("tx90").poses(np.zeros(6))["tool"], expected, atol=1e-12)
+
+
+def test_the_puma_reaches_where_published():
+    """Without a tool: (0.5963, -0.1501, -0.0144) from the shoulder, 0.6718 m above the mounting plane; the
+    flange is 56.25 mm further along the last axis, which then points forwards."""
+    model = load_robot("puma560")
+    q = np.array([0, np.pi / 4, np.pi, 0, np.pi / 4, 0])
+    wrist = model.poses(q)["link6"][:3, 3]
+    np.testing.assert_allclose(wrist, [0.5963, -0.1501, 0.6718 - 0.0144], atol=5e-5)
+    tool = model.poses(q)["tool"]
+    np.testing.assert_allclose(tool[:3, 3], wrist + [0.05625, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(tool[:3, 2], [1, 0, 0], atol=1e-9)
+
+
 @pytest.mark.parametrize("name", ROBOTS)
 def test_the_urdf_tree_is_the_dh_chain(name):
     """Two independent descriptions of one arm agree at 200 random poses, in position and orientation."""
     model = load_robot(name)
     assert model.chain is not None
     reach = np.eye(4)
-    reach[2, 3] = 0.35 if name == "wam4" else 0.0
+    reach[2, 3] = {"wam4": 0.35, "puma560": 0.05625}.get(name, 0.0)
     for q in random_poses(model, 200):
         expected = model.T_world_base @ model.chain.link_frames(q)[-1] @ reach
         poses = model.poses(q)
@@ -97,23 +133,34 @@ def test_the_urdf_tree_is_the_dh_chain(name):
         np.testing.assert_allclose(poses["flange"], expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("name, n", [("wam4", 4), ("wam7", 7)])
-def test_joints_are_the_published_ones(name, n):
+@pytest.mark.parametrize("name", ROBOTS)
+def test_joints_are_the_published_ones(name):
     model = load_robot(name)
-    assert [(j.lower, j.upper) for j in model.joints] == LIMITS[:n]
-    assert {j.max_speed for j in model.joints} == {2.0}
-    assert model.link_names == ("base", *(f"link{i + 1}" for i in range(n)))
-    assert [joint.effort for joint in model.urdf_joints] == list(wam.TORQUES[:n])
+    limits, speeds, torques = PUBLISHED[name]
+    np.testing.assert_array_equal([(j.lower, j.upper) for j in model.joints], limits)
+    np.testing.assert_array_equal([j.max_speed for j in model.joints], speeds)
+    assert [joint.effort for joint in model.urdf_joints] == torques
+    assert model.link_names == ("base", *(f"link{i + 1}" for i in range(len(torques))))
+
+
+def test_the_names_of_the_robots_are_those_of_their_figures():
+    assert tuple(SHIPPED) == ROBOTS and all(spec.name == name for name, spec in SHIPPED.items())
+    with pytest.raises(BadInput, match="wam7.speeds.* needs 7 entries, has 6"):
+        replace(SHIPPED["wam7"], speeds=(1.0,) * 6)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_ready_pose_is_inside_the_limits_with_the_hand_in_front_pointing_down(name):
+    """And far from singular: every motion of the hand that the joints allow costs few of them."""
     model = load_robot(name)
     for joint, q in zip(model.joints, model.q_ready, strict=True):
         assert joint.lower + 0.2 < q < joint.upper - 0.2
     tool = model.poses(model.q_ready)["tool"]
-    assert 0.4 < tool[0, 3] < 0.7 and abs(tool[1, 3]) < 1e-9 and 0.2 < tool[2, 3] < 0.5
+    assert 0.4 < tool[0, 3] < 0.7 and abs(tool[1, 3]) < 1e-4 and 0.2 < tool[2, 3] < 0.5
     assert tool[2, 2] < -0.9
+    arm = model.arm_model()
+    J = arm.jacobian(arm.frames(model.q_ready))
+    assert np.linalg.svd(J, compute_uv=False)[min(6, model.n) - 1] > 0.08
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -123,9 +170,9 @@ def test_visuals_are_sound_and_belong_to_links(name):
     assert {v.body for v in visuals} == set(model.link_names)
     for v in visuals:
         assert_sound(v, closed=False)  # What is hidden inside of a neighbour has been left out.
-    assert 6_000 < sum(len(v.faces) for v in visuals) < 10_000
+    assert 4_000 < sum(len(v.faces) for v in visuals) < 10_000
     floor = min(v.vertices[:, 2].min() for v in visuals if v.body == "base")
-    assert floor == pytest.approx(-wam.SHOULDER_HEIGHT, abs=1e-4)
+    assert floor == pytest.approx(-model.T_world_base[2, 3], abs=1e-4), "it stands on the mounting plane"
 
 
 def assert_sound(v: Visual, closed: bool = True) -> None:
@@ -140,10 +187,44 @@ def assert_sound(v: Visual, closed: bool = True) -> None:
     assert not closed or np.einsum("ij,ij->i", a, np.cross(b, c)).sum() > 0
 
 
-@pytest.mark.parametrize("body", BODIES)
-def test_every_solid_of_the_arm_is_closed_and_looks_outwards(body):
-    for color, solid in BODIES[body]():
-        assert_sound(visual(body, solid, COLORS[color]))
+@pytest.mark.parametrize(("folder", "body"), DRAWINGS)
+def test_every_solid_of_the_arm_is_closed_and_looks_outwards(folder, body):
+    spec = SPEC_OF[folder]
+    for color, solid in spec.drawings[body]():
+        assert_sound(visual(body, solid, spec.colors[color]))
+
+
+def just_outside(solid: Solid, gap: float) -> np.ndarray:
+    """About a hundred points that stand off the middles of a solid's faces by `gap` [m]."""
+    a, b, c = (solid.vertices[solid.faces[:, k]] for k in range(3))
+    out = np.cross(b - a, c - a)
+    points = (a + b + c) / 3 + gap * out / np.linalg.norm(out, axis=1, keepdims=True)
+    return points[:: max(1, len(points) // 100)]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_no_part_floats_and_each_link_meets_the_one_that_carries_it(name):
+    """At a random pose every solid is reached from the base over steps from one to another that is at most
+    3 mm away, on the same link or on the next."""
+    model, spec = load_robot(name), SHIPPED[name]
+    poses = model.poses(random_poses(model, 1, seed=3)[0])
+    on, solids = [], []
+    for i, (link, body) in enumerate(zip(model.link_names, spec.meshes, strict=True)):
+        drawn = [solid.moved(poses[link]) for _, solid in spec.drawings[body]()]
+        on, solids = [*on, *(i for _ in drawn)], [*solids, *drawn]
+    points = [just_outside(solid, 0.003) for solid in solids]
+    apart, reached = set(range(1, len(solids))), [0]
+    while reached:
+        i = reached.pop()
+        near = {
+            j
+            for j in apart
+            if abs(on[i] - on[j]) <= 1
+            and (inside(points[i], solids[j]).any() or inside(points[j], solids[i]).any())
+        }
+        apart -= near
+        reached += near
+    assert not apart
 
 
 def test_the_hand_is_sound_and_sits_on_the_tool_frame():
@@ -157,8 +238,8 @@ def test_the_hand_is_sound_and_sits_on_the_tool_frame():
 
 def test_the_shipped_files_are_what_the_generator_writes(tmp_path):
     """URDF text to the letter, meshes to 1e-5 m (their precision), and no file more or less."""
-    folder = asset("robots", "wam")
-    written = {path.relative_to(tmp_path) for path in wam.write(tmp_path)}
+    folder = asset("robots")
+    written = {path.relative_to(tmp_path) for path in write(tmp_path, SHIPPED.values())}
     shipped = {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()}
     assert written == shipped
     for relative in written:
@@ -172,7 +253,8 @@ def test_the_shipped_files_are_what_the_generator_writes(tmp_path):
             [x for line in lines if line[0] == "v" for x in line[1:]] for lines in (new_lines, old_lines)
         ]
         np.testing.assert_allclose(np.array(numbers[0], float), np.array(numbers[1], float), atol=1.1e-5)
-    assert sum((folder / relative).stat().st_size for relative in shipped) < 1.5e6
+    for home in folder.iterdir():
+        assert sum(path.stat().st_size for path in home.rglob("*") if path.is_file()) < 0.65e6
 
 
 def test_any_urdf_loads_by_path(small):
@@ -281,7 +363,7 @@ def test_dh_parameters_of_unequal_lengths_are_refused():
     with pytest.raises(BadInput, match="equal lengths"):
         DHChain((0, 0), (0,), (0,), (0,))
     with pytest.raises(BadInput, match="expected 7"):
-        wam.WAMS["wam7"].chain.link_frames(np.zeros(6))
+        SHIPPED["wam7"].chain.link_frames(np.zeros(6))
 
 
 def test_a_missing_asset_is_an_environment_error():
@@ -290,9 +372,41 @@ def test_a_missing_asset_is_an_environment_error():
 
 
 def test_robots_need_no_physics_engine():
-    code = "import sys, vita.sim.robots as r; r.load_robot('wam4').visuals(); "
+    code = "import sys, vita.sim.robots as r; r.load_robot('tx90').visuals(); "
     code += "assert 'pybullet' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_app_starts_with_any_robot_and_nothing_drawn(name):
+    assert cli._parser().parse_args(["serve", "--robot", name]).robot == name
+    scenario = welcome(name)
+    assert scenario.scene.robot == name and scenario.scene.objects and scenario.camera
+    assert not scenario.tracker and not scenario.constraint and scenario.expect is None
+
+
+def test_the_command_line_knows_the_robots_without_loading_them():
+    code = "import sys, vita.cli as c; c._parser(); print([m for m in sys.modules if 'vita.sim.' in m])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "['vita.sim.robot_names']"
+
+
+@pytest.mark.parametrize("name", ["tx90", "puma560"])
+def test_a_task_can_be_checked_with_the_robot(name, tmp_path, capsys):
+    """The same scenario suits every arm. (Small pictures and projected points: this is about the robot.)"""
+    text = asset("scenarios", "point_to_point.toml").read_text()
+    for old, new in (
+        ('robot = "wam7"', f'robot = "{name}"'),
+        ("fov_deg = 36", "fov_deg = 36\nsize = [160, 120]"),
+        ('attach = { body = "tool"', 'kind = "projected"\nattach = { body = "tool"'),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path / "task.toml"
+    path.write_text(text)
+    assert cli.main(["check", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert name in out and "4 error rows hold 3 of 6 joint motions" in out
 
 
 def test_inside_tells_a_point_in_a_ball_from_one_outside():
@@ -302,11 +416,15 @@ def test_inside_tells_a_point_in_a_ball_from_one_outside():
     assert found[distance < 0.095].all() and not found[distance > 0.1].any()
 
 
-@pytest.mark.parametrize("body", ["link1", "link3", "forearm"])
-def test_faces_that_are_left_out_cannot_be_seen(body):
+@pytest.mark.parametrize(
+    ("folder", "body"),
+    [("wam", "link1"), ("wam", "link3"), ("wam", "forearm"), ("tx90", "link1"), ("puma560", "link1")],
+)
+def test_faces_that_are_left_out_cannot_be_seen(folder, body):
     """From all around, the distances to a body with and without its hidden faces are the same."""
-    whole = joined([solid for _, solid in BODIES[body]()])
-    seen = joined(list(link_solids(body).values()))
+    spec = SPEC_OF[folder]
+    whole = joined([solid for _, solid in spec.drawings[body]()])
+    seen = joined(list(seen_solids(spec, body).values()))
     assert len(seen.faces) < 0.85 * len(whole.faces)
     renderers = [make_renderer([visual(body, solid, (1, 1, 1))], "gl") for solid in (whole, seen)]
     middle = whole.vertices.mean(axis=0)

@@ -37,7 +37,10 @@ def test_it_meets_its_expectations(name: str) -> None:
     assert record.passed, f"{record.expect} {record.outcome}/{record.reason}: {record.message}"
 
 
-ALIKE = ("line_to_line", "parallel_lines", "point_to_line", "point_to_point", "wrench_fixed", "wrench_flip")
+ALIKE = (
+    "line_to_line", "parallel_lines", "point_to_line", "point_to_point", "wrench_fixed", "wrench_flip",
+    "follow_target", "keep_clear", "move_tripod",
+)  # fmt: skip
 """Tasks that are made of the same parts as others: running each of them twice would tell nothing more."""
 
 
@@ -58,15 +61,18 @@ def test_all_that_moves_the_arm_is_finite_and_inside_the_limits(name: str) -> No
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_it_runs_on_image_trackers(name: str) -> None:
-    kinds = {t.kind for t in vita.load(name).tracker}
-    assert "projected" not in kinds and "auto" in kinds
+def test_it_runs_on_pictures(name: str) -> None:
+    """With image trackers or, in the second mode, markers that are found in the pictures."""
+    scenario = vita.load(name)
+    kinds = {t.kind for t in scenario.tracker}
+    assert "projected" not in kinds and ("auto" in kinds or scenario.mode == "impedance")
 
 
 def test_every_kind_of_constraint_and_every_way_to_hold_a_camera_ships() -> None:
     scenarios = [vita.load(name) for name in NAMES]
     assert {c.kind for s in scenarios for c in s.constraint} >= set(CONSTRAINTS)
-    assert {s.scene.robot for s in scenarios} >= {"wam4", "wam7"}
+    assert {s.scene.robot for s in scenarios} >= {"wam4", "wam7", "tx90"}
+    assert {s.mode for s in scenarios} == {"uvs", "impedance"}
     assert any(c.mount for s in scenarios for c in s.camera), "no eye-in-hand scenario"
     assert any(len(s.constraint) >= 8 for s in scenarios), "no stack of several constraints"
     assert any(s.expect and s.expect.reason == "tracker_lost" for s in scenarios)

@@ -19,7 +19,9 @@ from typing import TYPE_CHECKING
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from vita import __version__  # noqa: E402
+from vita.calibration import arguments as calibration  # noqa: E402
 from vita.errors import BadInput, MissingDependency, VitaError  # noqa: E402
+from vita.sim.robot_names import ROBOTS  # noqa: E402
 
 if TYPE_CHECKING:
     from vita.scenario.record import RunRecord
@@ -96,7 +98,7 @@ def _fill_serve(verb: argparse.ArgumentParser) -> None:
     verb.add_argument("scenario", nargs="?", metavar="SCENARIO", help="a file or the name of a shipped one")
     verb.add_argument("--host", default="127.0.0.1", help="address to listen on (default %(default)s)")
     verb.add_argument("--port", type=_port, default=8080, help="port (default %(default)s; 0: a free one)")
-    verb.add_argument("--robot", choices=("wam4", "wam7"), help="which robot the empty scene shows")
+    verb.add_argument("--robot", choices=ROBOTS, help="which robot the empty scene shows")
 
 
 def _serve(chosen: argparse.Namespace) -> int:
@@ -296,6 +298,7 @@ VERBS: dict[str, tuple[str, Fill, Run]] = {
     "check": ("say whether scenario files are right, and what is wrong where", _fill_check, _check),
     "list": ("list the scenarios that ship", _fill_list, _list),
     "track": ("follow places in your own video, images or camera", _fill_track, _track),
+    "calibrate": ("learn the lenses of one camera or two from pictures of a board", *calibration.VERB),
     "experiment": ("run the documents' experiments and report their figures", _fill_experiment, _experiment),
 }
 

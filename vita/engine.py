@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,15 +18,21 @@ from vita.constraints import stack
 from vita.editing import Editor
 from vita.errors import BadInput, NotNow, UnknownName
 from vita.feeds import FrozenFeeds
+from vita.impedance.view import ImpedanceView
 from vita.outlook import Outlook, ghost, ghost_poses
 from vita.plausible import MotionCheck
 from vita.rig import SimulatedRig
 from vita.scenario.schema import Scenario
-from vita.servo import Controller, Limits, status_for
-from vita.servo.limits import apply_limits, change_joint_limit, change_setting, within_gate
+from vita.servo import Controller, status_for
+from vita.servo.limits import within_gate
 from vita.snapshot import Snapshot
 from vita.stopwatch import Stopwatch
+from vita.tuning import SETTINGS, check_joints, put_limits, set_mode
 from vita.types import ErrorVector, JointStep, Notice, Observation, Status
+
+if TYPE_CHECKING:
+    from vita.following import Following
+    from vita.impedance.controller import ImpedanceController
 
 
 class Engine:
@@ -40,12 +47,30 @@ class Engine:
         self._notices: list[Notice] = []
         self._lost_until: dict[str, float] = {}
         self.controller = Controller(rig.joints, scenario.servo)
+        """The servo of the drawn constraints."""
+        self.following: Following | None = None
+        """The stereo-impedance mode, while it is in force."""
+        self.impedance = scenario.impedance
         self.observation: Observation = rig.observe()
         self.editor = Editor(rig, scenario, self.observation)
         self.limits = scenario.limits
+        set_mode(self, scenario.mode)
         self._feeds, self._motion, self._outlook = FrozenFeeds(), MotionCheck(), Outlook()
         self.last_step: JointStep | None = None
         self.error: ErrorVector = stack((), {})
+
+    @property
+    def active(self) -> Controller | ImpedanceController:
+        """Whose turn it is: the servo, or the controller of the stereo-impedance mode."""
+        return self.controller if self.following is None else self.following.controller
+
+    @property
+    def status(self) -> Status:
+        return self.active.status
+
+    @property
+    def moving(self) -> bool:
+        return self.active.moving
 
     # ---- one tick ------------------------------------------------------------------------------
 
@@ -55,10 +80,14 @@ class Engine:
         watch.begin()
         self.observation = self.rig.observe()
         watch.lap("observe")
-        if self.controller.status.state == "offline":
-            self.controller.status = status_for("images_late")  # It has come back by itself.
+        if self.status.state == "offline":
+            self.active.status = status_for("images_late")  # It has come back by itself.
         self.editor.track(self.observation, lost=self._forced_losses())
-        self._check_motion()
+        if self.following is None:
+            self._check_motion()
+        else:
+            self.following.see(self.observation)
+            self._pass_on(self.following.controller)
         self.error = stack(self.editor.task.terms(), self.editor.features)
         watch.lap("track")
         self.last_step = self._decide()
@@ -71,13 +100,15 @@ class Engine:
 
     def _decide(self) -> JointStep | None:
         controller, seen = self.controller, self.observation
-        if not controller.moving:
+        if not self.moving:
             return None
         gate_fault = str(self.rig.gate_state()["fault"])
         if gate_fault:
             self.fail("gate_fault", gate_fault)
             return None
         self._check_feeds()
+        if self.following is not None:
+            return self.following.decide(seen)
         controller.joints = within_gate(self.rig.joints)
         decision = controller.tick(seen.stamp, seen.q, self.error, self._lost_trackers())
         if decision is None:
@@ -109,9 +140,16 @@ class Engine:
 
     def _check_feeds(self) -> None:
         cameras = {term.camera for term in self.editor.task.terms()}
+        if self.following is not None:
+            cameras = {self.impedance.left, self.impedance.right}
         frozen = self._feeds.update(self.observation, cameras)
-        if frozen and self.controller.moving:
-            self.controller.halt("frozen_feed", culprit=", ".join(repr(name) for name in frozen))
+        if frozen and self.moving:
+            self.active.halt("frozen_feed", culprit=", ".join(repr(name) for name in frozen))
+
+    def _pass_on(self, controller: ImpedanceController) -> None:
+        if controller.notice:
+            self.say(controller.notice, "warning")
+            controller.notice = ""
 
     def _forced_losses(self) -> frozenset[str]:
         now = self.observation.stamp
@@ -128,15 +166,15 @@ class Engine:
 
     def stop(self, reason: str = "stopped_by_user") -> None:
         """Rest now: the arm brakes from the next gate cycle on."""
-        if self.controller.moving:
-            self.controller.halt(reason)
+        if self.moving:
+            self.active.halt(reason)
         self.last_step = None
         self.rig.command(None)
 
     def fail(self, reason: str, culprit: str) -> None:
         """A fault from outside (exception in the loop, rig gone): rest and say so."""
-        self.controller.status = status_for(reason, culprit=culprit)
-        self.controller.progress = ""
+        self.active.status = status_for(reason, culprit=culprit)
+        self.active.progress = ""
 
     @property
     def notices(self) -> tuple[Notice, ...]:
@@ -156,10 +194,18 @@ class Engine:
         self._notices = [*self._notices[-19:], notice]
 
     def _start(self, command: cmd.Start) -> None:
-        if self.controller.moving:
+        if self.moving:
             return
-        if self.controller.status.state == "fault":
+        if self.status.state == "fault":
             raise NotNow("acknowledge the fault first; then press Start again")
+        self._feeds, self._motion = FrozenFeeds(), MotionCheck()
+        if self.following is not None:
+            self.rig.release()
+            self.following.controller.start()
+        else:
+            self._start_servo(command)
+
+    def _start_servo(self, command: cmd.Start) -> None:
         task = self.editor.task
         if not task.constraints:
             raise BadInput("there is no constraint yet: pick a kind and click its features, then Start")
@@ -169,76 +215,47 @@ class Engine:
             names = ", ".join(repr(n) for n in lost if n in used)
             raise BadInput(f"lost tracker {names}: drag it onto its feature or delete it, then Start")
         self.controller.joints = within_gate(self.rig.joints)
-        self._check_joints()
-        self._feeds, self._motion = FrozenFeeds(), MotionCheck()
+        check_joints(self)
         self.rig.release()
         self.controller.start(relearn=command.relearn)
 
-    def _check_joints(self) -> None:
-        count = len(self.rig.joints)
-        if any(j >= count for j in self.controller.config.joints or ()):
-            raise BadInput(f"this robot has joints 0 to {count - 1}", "servo.joints")
-
     def _acknowledge(self, _: cmd.Acknowledge) -> None:
-        if self.controller.status.state == "fault":
-            self.controller.forget()
-        self.controller.acknowledge()
+        if self.status.state == "fault":
+            self.active.forget()
+        self.active.acknowledge()
 
     def _edit(self, command: cmd.Command) -> None:
-        if self.controller.moving:
+        if self.moving:
             raise NotNow("stop the arm first; a task cannot be edited while it moves")
         before = self.editor.task
         self.editor.apply(command, self.observation)
         if self.editor.task is not before and self.controller.status.state in ("done", "hold"):
             self.controller.status = Status()
 
-    def _set_servo(self, command: cmd.SetServo) -> None:
-        config = change_setting(self.controller.config, command.field, command.value, "servo")
-        previous, self.controller.config = self.controller.config, config
-        try:
-            self._check_joints()
-        except BadInput:
-            self.controller.config = previous
-            raise
-        if config.joints != previous.joints:
-            if self.controller.moving:
-                self.controller.config = previous
-                raise NotNow("stop the arm first; joints cannot be chosen while it moves")
-            self.controller.forget()
-
-    def _set_limits(self, command: cmd.SetLimits) -> None:
-        self._put_limits(change_setting(self.limits, command.field, command.value, "limits"))
-
-    def _set_joint_limit(self, command: cmd.SetJointLimit) -> None:
-        self._put_limits(change_joint_limit(self.limits, self.rig.robot_joints, command))
-
-    def _put_limits(self, limits: Limits) -> None:
-        joints = apply_limits(self.rig.robot_joints, limits)
-        self.rig.set_limits(joints, limits.acceleration_rad_s2)
-        self.limits = limits
-
     def _reset(self, _: cmd.ResetArm) -> None:
-        if self.controller.moving:
+        if self.moving:
             raise NotNow("stop the arm first")
         self._back_to_start(self.editor.to_save())
 
     def _load(self, command: cmd.LoadTask) -> None:
-        if self.controller.moving:
+        if self.moving:
             raise NotNow("stop the arm first; then open the task")
         scenario = command.scenario
         if not self.editor.same_scene(scenario):
             raise BadInput("this task needs another scene or other cameras; open it with a new rig")
         self._back_to_start(scenario)
-        self.controller.config = scenario.servo
-        self._put_limits(scenario.limits)
+        self.controller.config, self.impedance = scenario.servo, scenario.impedance
+        put_limits(self, scenario.limits)
+        set_mode(self, scenario.mode)
 
     def _back_to_start(self, scenario: Scenario) -> None:
         """Arm at the scenario's start pose and every tracker placed afresh; one undoable edit."""
         self.rig.hard_reset(self.editor.start_pose(scenario))
         self.observation = self.rig.observe()
         self.editor.load(scenario, self.observation)
-        self.controller.forget()
-        self.controller.status = Status()
+        for controller in {self.controller, self.active}:
+            controller.forget()
+            controller.status = Status()
 
     def _perform(self, command: cmd.Perform) -> None:
         arguments = dict(command.arguments)
@@ -253,9 +270,7 @@ class Engine:
         cmd.Start: _start,
         cmd.Halt: lambda self, _: self.stop(),
         cmd.Acknowledge: _acknowledge,
-        cmd.SetServo: _set_servo,
-        cmd.SetLimits: _set_limits,
-        cmd.SetJointLimit: _set_joint_limit,
+        **SETTINGS,
         cmd.ResetArm: _reset,
         cmd.LoadTask: _load,
         cmd.Perform: _perform,
@@ -279,23 +294,30 @@ class Engine:
 
     # ---- what everybody sees -------------------------------------------------------------------
 
+    def present(self) -> Scenario:
+        """The scene, task and settings of now."""
+        return replace(
+            self.editor.to_save(), servo=self.controller.config, limits=self.limits,
+            impedance=self.impedance, mode="uvs" if self.following is None else "impedance",
+        )  # fmt: skip
+
     def snapshot(self) -> Snapshot:
         """The state after the last tick."""
         seen, editor, controller = self.observation, self.editor, self.controller
-        scenario = replace(editor.to_save(), servo=controller.config, limits=self.limits)
+        following = self.following
         insight = controller.insight
         ahead = insight.next_dq if insight is not None and controller.status.state == "servoing" else None
         return Snapshot(
             tick=self._tick,
             stamp=seen.stamp,
-            status=controller.status,
+            status=self.status,
             q=seen.q,
             joints=tuple(self.rig.joints),
             frames=seen.frames,
             features=dict(editor.features),
-            scenario=scenario,
+            scenario=self.present(),
             error=self.error,
-            progress=controller.progress,
+            progress=self.active.progress,
             jacobian=controller.jacobian,
             can_undo=editor.can_undo,
             can_redo=editor.can_redo,
@@ -306,4 +328,5 @@ class Engine:
             findings=self._outlook.findings(editor, controller, insight),
             ghost=ghost(self._motion, ahead),
             ghost_poses=ghost_poses(self.rig, seen.q, ahead),
+            impedance=ImpedanceView() if following is None else following.view(),
         )

@@ -9,6 +9,7 @@ import numpy as np
 
 from vita.impedance.arm_model import ArmModel
 from vita.impedance.view import Capsule
+from vita.stereo.hull import ArmHull
 from vita.types import Array, Joint, JointStep, Observation, Visual
 
 
@@ -83,6 +84,10 @@ class SimulatedRig(Rig, Protocol):
 
     def arm_model(self) -> ArmModel:
         """The arm's kinematics as its drawing gives them: what a controller of this robot may know."""
+        ...
+
+    def arm_hull(self) -> ArmHull:
+        """Capsules that enclose the arm, its tool and what it carries, as their drawings give them."""
         ...
 
     def obstacles(self) -> Sequence[Capsule]:

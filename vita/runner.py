@@ -115,7 +115,7 @@ class Runner:
                     raise
 
     def _apply(self, command: cmd.Command) -> None:
-        offline = self._engine.controller.status.state == "offline"
+        offline = self._engine.status.state == "offline"
         if isinstance(command, cmd.LoadTask) and (
             offline or not self._engine.editor.same_scene(command.scenario)
         ):
@@ -127,7 +127,7 @@ class Runner:
 
     def _rebuild(self, scenario: Scenario) -> None:
         """A new rig for a task that needs another scene. The old one stays if it cannot be built."""
-        if self._engine.controller.moving:
+        if self._engine.moving:
             self._engine.apply(cmd.LoadTask(scenario))  # Refuses, with the reason.
         rig = self._make_rig(scenario)
         try:
@@ -156,7 +156,7 @@ class Runner:
     def _offline(self, failure: RigOffline) -> None:
         """Say once that the rig is gone, and wait for somebody to restart it."""
         engine = self._engine
-        if engine.controller.status.state != "offline":
+        if engine.status.state != "offline":
             log.error("rig offline: %s", failure)
             engine.fail("rig_offline", str(failure).splitlines()[0] if str(failure) else "no answer")
         self._publish_status()
@@ -165,7 +165,7 @@ class Runner:
     def _publish_status(self) -> None:
         """The last snapshot again with the state of now: there is no new observation to show."""
         engine = self._engine
-        status, tick = engine.controller.status, self._latest.tick + 1
+        status, tick = engine.status, self._latest.tick + 1
         self._publish(replace(self._latest, tick=tick, status=status, notices=engine.notices, progress=""))
 
     def _survive(self, failure: Exception) -> None:

@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
+DEPTH_STEP_PX = 4
+"""A depth picture holds every fourth row and column of its camera's frame, from the first on."""
+
 
 def frozen(values: object, dtype: type = np.float64) -> NDArray:
     """A read-only copy of `values`, so that data handed out can never change behind one's back."""
@@ -52,7 +55,8 @@ class Observation:
     """Camera name to (height, width, 3) RGB frame, read-only."""
     depths: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     """Depth camera name to (height / 4, width / 4) distance along its optical axis, the top-left pixel of
-    every block of 4 by 4; infinite where nothing is [m]. Only cameras with `depth = true`."""
+    every block of 4 by 4; infinite where nothing is, NaN where it could not be measured (a lens that is
+    dark or covered) [m]. Only cameras with `depth = true`."""
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ MODULES = (
     "tracker_noise",
     "estimators",
     "placement",
+    "stereo_impedance",
+    "side_by_side",
 )
 """One for each experiment, named as it is."""
 

@@ -9,11 +9,10 @@ import numpy as np
 
 from vita.errors import UnknownName
 from vita.sim.dh import DHChain
+from vita.sim.puma import PUMA
 from vita.sim.wam import LIMITS as WAM_LIMITS
 from vita.sim.wam import WAMS
 from vita.types import Array, frozen
-
-HALF = np.pi / 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,18 +55,12 @@ def _tool(reach: float) -> Array:
     return frozen(tool)
 
 
-PUMA560 = DHChain(
-    (0.0, 0.4318, 0.0203, 0.0, 0.0, 0.0),
-    (0.0, 0.0, 0.15005, 0.4318, 0.0, 0.0),
-    (HALF, 0.0, -HALF, HALF, -HALF, 0.0),
-    (0.0,) * 6,
-)
-PUMA_LIMITS = np.radians([[-160, 160], [-45, 225], [-225, 45], [-110, 170], [-100, 100], [-266, 266]])
-"""The Puma's own limits. The thesis starts at joint 3 = 180 degrees, which lies outside them, and
-says nothing of limits: its experiments run without."""
+PUMA560 = PUMA.chain
+"""The thesis starts at joint 3 = 180 degrees, which lies outside the Puma's limits, and says nothing of
+limits: its experiments run without."""
 
 ARMS: Mapping[str, Arm] = {
-    "puma560": Arm("puma560", PUMA560, frozen(PUMA_LIMITS), _tool(0.1)),
+    "puma560": Arm("puma560", PUMA560, frozen(PUMA.limits), _tool(0.1)),
     "wam4": Arm("wam4", WAMS["wam4"].chain, frozen(WAM_LIMITS[:4]), _tool(0.35)),
     "wam7": Arm("wam7", WAMS["wam7"].chain, frozen(WAM_LIMITS), _tool(0.1)),
 }

@@ -29,14 +29,17 @@ class ImpedanceConfig:
     """Side of the tool's marker, black frame included [m]."""
     target_marker_m: float = 0.08
     """Side of the target's marker [m]."""
-    tool_marker_xyz: Vector3 = (0.0, 0.0, 0.06)
-    """The marker's centre in the tool frame [m]; the robot's own drawing gives it."""
-    tool_marker_rpy_deg: Vector3 = (180.0, 0.0, 0.0)
-    """The marker's orientation in the tool frame [deg]."""
-    offset_xyz: Vector3 = (0.0, 0.0, 0.15)
-    """Where the tool frame is to be in the target marker's frame (z points out of its face) [m]."""
-    offset_rpy_deg: Vector3 = (180.0, 0.0, 0.0)
-    """The tool's wanted orientation in the target marker's frame [deg]."""
+    tool_marker_xyz: Vector3 = (0.0, 0.0, 0.085)
+    """The marker's centre in the tool frame [m]; the robot's own drawing gives it. The default is that of
+    the tool `marker_tool`."""
+    tool_marker_rpy_deg: Vector3 = (-90.0, 0.0, 90.0)
+    """The marker's orientation in the tool frame [deg]: it looks along the tool's -x, with its up along -z,
+    so that it faces cameras in front of the arm while the tool points down."""
+    offset_xyz: Vector3 = (0.0, 0.235, 0.0)
+    """Where the tool frame is to be in the target marker's frame (x right, y up, z out of its face) [m]. By
+    default the tool's marker ends 0.15 m above the target's, so that neither covers the other."""
+    offset_rpy_deg: Vector3 = (90.0, 90.0, 0.0)
+    """The tool's wanted orientation in the target marker's frame [deg]; by default the two are parallel."""
     depth: str = ""
     """Camera whose depth picture shows obstacles; empty uses the capsules that the rig knows of."""
 
@@ -77,6 +80,9 @@ class ImpedanceConfig:
     """Height of the table's top in the robot's base frame [m]."""
     base_m: float = setting(
         0.35, 0.0, 1.0, "m", "Base distance", "The base's axis repels the tool within this radius (eq. 20)."
+    )
+    base_stop_m: float = setting(
+        0.20, 0.0, 1.0, "m", "Base limit", "Nearer than this to the base's axis the tool only moves away."
     )
     people_m: float = setting(
         0.20, 0.02, 1.0, "m", "People distance", "Obstacles and people repel the arm within this (eq. 21)."

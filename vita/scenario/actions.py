@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from dataclasses import dataclass
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from vita.errors import BadInput, UnknownName
+from vita.impedance.config import ImpedanceConfig
 from vita.scenario.schema import ScriptSpec, Vector3
 from vita.scenario.typed import check_keys, convert, hints_of, join, shown
 from vita.servo.config import Limits, ServoConfig
@@ -22,6 +24,12 @@ class Action:
     required: tuple[str, ...] = ()
     one_of: tuple[str, ...] = ()
     """At least one of these must be there."""
+    choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Argument name to the words that it may be."""
+
+
+PATHS = ("circle", "line", "wave")
+"""Ways on which an object can be carried; see `vita.sim.motions`."""
 
 
 ACTIONS: dict[str, Action] = {
@@ -45,8 +53,14 @@ ACTIONS: dict[str, Action] = {
     "drag_target": Action(
         {"object": str, "xyz": Vector3, "rpy_deg": Vector3, "over_s": float}, ("object",), ("xyz", "rpy_deg")
     ),
+    "carry": Action(
+        {"object": str, "path": str, "radius_m": float, "length_m": float, "speed_m_s": float,
+         "turn_deg_s": float, "for_s": float},
+        ("object", "path"),
+        choices={"path": PATHS},
+    ),
 }
-_SETTINGS = {"servo": ServoConfig, "limits": Limits}
+_SETTINGS = {"servo": ServoConfig, "limits": Limits, "impedance": ImpedanceConfig}
 
 
 def checked_action(entry: ScriptSpec, path: str) -> ScriptSpec:
@@ -68,18 +82,21 @@ def checked_action(entry: ScriptSpec, path: str) -> ScriptSpec:
         field, value = setting_of(given["field"], given["value"], path)
         return dataclasses.replace(entry, arguments={"field": field, "value": value})
     typed = {name: convert(action.arguments[name], value, join(path, name)) for name, value in given.items()}
+    for name, words in action.choices.items():
+        if name in typed and typed[name] not in words:
+            raise UnknownName(name, typed[name][:64], words, join(path, name))
     return dataclasses.replace(entry, arguments=typed)
 
 
 def setting_of(field: object, value: object, path: str) -> tuple[str, Any]:
-    """A setting's full name (`servo.gain`) and its checked value. A bare name is found in either table."""
+    """A setting's full name (`servo.gain`) and its checked value. A bare name is found in any table."""
     names = {f"{table}.{name}": (cls, name) for table, cls in _SETTINGS.items() for name in hints_of(cls)}
     del names["limits.joint"]  # a list of tables has no place in a script
     if not isinstance(field, str):
         raise BadInput(f"expected text in quotes, got {shown(field)}", join(path, "field"))
     full = next((f"{t}.{field}" for t in _SETTINGS if f"{t}.{field}" in names), field)
     if full not in names:
-        raise UnknownName("setting", field[:64], names, join(path, "field"))
+        raise UnknownName("setting", field[:64], _near(field, names), join(path, "field"))
     cls, name = names[full]
     typed = convert(hints_of(cls)[name], value, join(path, "value"))
     try:
@@ -87,3 +104,13 @@ def setting_of(field: object, value: object, path: str) -> tuple[str, Any]:
     except BadInput as error:
         raise BadInput(str(error), join(path, "value")) from None
     return full, typed
+
+
+def _near(field: str, names: Iterable[str]) -> list[str]:
+    """The settings of the table that was meant: the one that is named, or that of the closest setting."""
+    table = field.partition(".")[0]
+    if table not in _SETTINGS:
+        full = {name.partition(".")[2]: name for name in names}
+        close = difflib.get_close_matches(field, [*names, *full], n=1)
+        table = full.get(close[0], close[0]).partition(".")[0] if close else ""
+    return [name for name in names if name.startswith(f"{table}." if table else "")]

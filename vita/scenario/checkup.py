@@ -24,6 +24,7 @@ UNKNOWN = 0.02
 """Relative deviation of an explored Jacobian, where the servo has not come to say its own."""
 SIGMA_PX = 0.3
 """Noise of an error row, where the servo has not measured it [px]."""
+FOLLOWS = "the target draws the tool: its place and, for arms of six joints and more, its orientation"
 ORDER = {"bad": 0, "warning": 1, "info": 2, "good": 3}
 
 
@@ -61,6 +62,11 @@ class Checkup:
 
 def check_up(scenario: Scenario) -> Checkup:
     """Explore and search `scenario` in simulation. Raises `BadInput` when it cannot be set up."""
+    if scenario.mode == "impedance":
+        from vita.scenario.stereo_check import stereo_findings
+
+        found = sorted(stereo_findings(scenario), key=lambda f: ORDER[f.level])
+        return Checkup(FOLLOWS, None, Search(None), tuple(found))
     if not scenario.constraint:
         return Checkup("no constraints: nothing holds the arm", None, Search(None), ())
     twin = Twin(scenario)
@@ -90,6 +96,8 @@ def check_up(scenario: Scenario) -> Checkup:
 
 def degrees_of_freedom(scenario: Scenario) -> str:
     """A sentence on how many joint motions the task holds, found by exploring in simulation."""
+    if scenario.mode == "impedance":
+        return FOLLOWS
     if not scenario.constraint:
         return "no constraints: nothing holds the arm"
     engine, jacobian = _explore(scenario)

@@ -14,9 +14,10 @@ from vita.rig import SimulatedRig
 from vita.scenario.judge import final_distance_mm, judged
 from vita.scenario.record import RunRecord
 from vita.scenario.schema import Scenario, ScriptSpec
+from vita.scenario.truth_log import TruthLog
 from vita.servo import outcome_of
 from vita.snapshot import Snapshot
-from vita.types import JointStep
+from vita.types import Array, JointStep, frozen
 
 REST_TICKS = 15
 """Ticks after the end, to see that the arm rests and stays [frame periods]."""
@@ -27,12 +28,14 @@ DEFAULT_END_S = 120.0
 class _Recorder:
     """Collects what every tick leaves."""
 
+    truth: TruthLog
     snapshots: list[Snapshot] = field(default_factory=list)
     commands: list[JointStep | None] = field(default_factory=list)
 
     def add(self, snapshot: Snapshot, step: JointStep | None) -> None:
         self.snapshots.append(replace(snapshot, frames={}))  # Images would fill the memory.
         self.commands.append(step)
+        self.truth.note(snapshot)
 
 
 def run_scenario(
@@ -53,7 +56,7 @@ def run_scenario(
         rig = LockstepRig(scenario)
     try:
         engine = Engine(rig, scenario)
-        recorder = _Recorder()
+        recorder = _Recorder(TruthLog(rig, scenario))
         began = time.perf_counter()
         _loop(engine, scenario, recorder, lambda s: _pace(s, began, realtime, progress))
         return _record(engine, scenario, recorder, name)
@@ -68,7 +71,8 @@ def _loop(engine: Engine, scenario: Scenario, recorder: _Recorder, each: Callabl
         entries.insert(0, ScriptSpec(0.0, "start"))
     last_s = max(entry.at_s for entry in entries)
     within = scenario.expect.within_s if scenario.expect and scenario.expect.within_s else 0.0
-    give_up_s = last_s + max(within, min(scenario.servo.timeout_s, DEFAULT_END_S)) + 1.0
+    longest_s = scenario.servo.timeout_s if scenario.mode == "uvs" else scenario.impedance.timeout_s
+    give_up_s = last_s + max(within, min(longest_s, DEFAULT_END_S)) + 1.0
     rest = 0
     while rest < REST_TICKS:
         now = engine.observation.stamp
@@ -77,9 +81,9 @@ def _loop(engine: Engine, scenario: Scenario, recorder: _Recorder, each: Callabl
         snapshot = engine.tick()
         recorder.add(snapshot, engine.last_step)
         each(snapshot)
-        if snapshot.stamp > give_up_s and engine.controller.moving:
+        if snapshot.stamp > give_up_s and engine.moving:
             engine.stop("timeout")
-        rest = 0 if engine.controller.moving or entries else rest + 1
+        rest = 0 if engine.moving or entries else rest + 1
 
 
 def command_of(entry: ScriptSpec) -> cmd.Command:
@@ -91,7 +95,8 @@ def command_of(entry: ScriptSpec) -> cmd.Command:
     if entry.do == "set":
         table, _, name = str(entry.arguments["field"]).partition(".")
         value = entry.arguments["value"]
-        return cmd.SetServo(name, value) if table == "servo" else cmd.SetLimits(name, value)
+        change = {"servo": cmd.SetServo, "limits": cmd.SetLimits, "impedance": cmd.SetImpedance}[table]
+        return change(name, value)
     return cmd.Perform(entry.do, dict(entry.arguments))
 
 
@@ -108,14 +113,16 @@ def _record(engine: Engine, scenario: Scenario, recorder: _Recorder, name: str) 
     snapshots = recorder.snapshots
     end = len(snapshots) - REST_TICKS  # The tick at which the end was declared comes just before.
     last = snapshots[-1]
-    n, m = last.q.size, last.error.values.size
+    ticks, n, m = len(snapshots), last.q.size, last.error.values.size
     trackers = tuple(last.features)
     distance = final_distance_mm(engine.rig, scenario)
     states = tuple(s.status.state for s in snapshots)
     ended_s = snapshots[max(end, 0)].stamp
     q = np.array([s.q for s in snapshots])
     motion_after = float(np.rad2deg(np.ptp(q[max(end, 0) :], axis=0).max()))
-    verdict = judged(scenario, last.status, ended_s, last.error.largest, distance, motion_after)
+    verdict = judged(
+        scenario, last.status, ended_s, last.error.largest, distance, motion_after, recorder.truth
+    )
     outcome = outcome_of(last.status)
     blank = np.full((m, n), np.nan)
     return RunRecord(
@@ -123,7 +130,7 @@ def _record(engine: Engine, scenario: Scenario, recorder: _Recorder, name: str) 
         outcome=outcome,
         reason=last.status.reason,
         message=last.status.message,
-        ticks=len(snapshots),
+        ticks=ticks,
         sim_time_s=ended_s,
         final_error_px=last.error.largest,
         expect=verdict,
@@ -137,9 +144,24 @@ def _record(engine: Engine, scenario: Scenario, recorder: _Recorder, name: str) 
         command=np.array([np.zeros(n) if step is None else step.dq for step in recorder.commands]),
         state=states,
         trackers=trackers,
-        uv=np.array([[s.features[t].uv for t in trackers] for s in snapshots]).reshape(-1, len(trackers), 2),
-        seen=np.array([[s.features[t].ok for t in trackers] for s in snapshots]).reshape(-1, len(trackers)),
+        uv=np.array([[s.features[t].uv for t in trackers] for s in snapshots]).reshape(ticks, -1, 2),
+        seen=np.array([[s.features[t].ok for t in trackers] for s in snapshots]).reshape(ticks, -1),
         jacobian=np.array([s.jacobian if s.jacobian.shape == (m, n) else blank for s in snapshots]),
         final_distance_mm=distance,
         name=name,
+        series=recorder.truth.series() | _seen_series(snapshots) if scenario.mode == "impedance" else {},
     )
+
+
+def _seen_series(snapshots: list[Snapshot]) -> dict[str, Array]:
+    """What the stereo-impedance mode said of itself, tick by tick."""
+    views = [snapshot.impedance for snapshot in snapshots]
+    blank = np.full(3, np.nan)
+    return {
+        "error_mm": frozen([view.error_mm for view in views]),
+        "error_deg": frozen([view.error_deg for view in views]),
+        "energy_j": frozen([view.energy_j for view in views]),
+        "mass": frozen([blank if v.T_base_mass is None else v.T_base_mass[:3, 3] for v in views]),
+        "goal": frozen([blank if v.T_base_goal is None else v.T_base_goal[:3, 3] for v in views]),
+        "target": frozen([blank if v.T_base_target is None else v.T_base_target[:3, 3] for v in views]),
+    }

@@ -6,6 +6,7 @@ import numpy as np
 
 from vita.rig import SimulatedRig
 from vita.scenario.schema import Scenario
+from vita.scenario.truth_log import TruthLog
 from vita.servo import outcome_of
 from vita.types import Status
 
@@ -32,6 +33,7 @@ def judged(
     error_px: float,
     distance_mm: float | None,
     motion_after_deg: float,
+    truth: TruthLog | None = None,
 ) -> dict[str, bool]:
     """Each expectation and whether it was met. Comparisons are written so that NaN fails."""
     expect = scenario.expect
@@ -50,4 +52,16 @@ def judged(
         verdict["final_distance_mm"] = distance_mm is not None and distance_mm <= expect.final_distance_mm.max
     if expect.max_joint_motion_after_deg is not None:
         verdict["max_joint_motion_after_deg"] = motion_after_deg <= expect.max_joint_motion_after_deg
+    for index, follow in enumerate(expect.follow if truth else ()):
+        assert truth is not None
+        figures = truth.figures(index)
+        for key in ("rms_mm", "rms_deg", "mean_mm"):
+            most = getattr(follow, key)
+            if most is not None:
+                verdict[f"follow[{index}].{key}"] = figures[key] <= most
+    for index, clearance in enumerate(expect.clearance if truth else ()):
+        assert truth is not None
+        verdict[f"clearance[{index}]"] = truth.nearest_mm(index) >= clearance.min
+    if expect.recovered_mm is not None:
+        verdict["recovered_mm"] = truth is not None and truth.recovered_mm() <= expect.recovered_mm
     return verdict

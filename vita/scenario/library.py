@@ -55,10 +55,10 @@ def welcome(robot: str | None = None) -> Scenario:
     """What the app shows when nothing is asked for: the point-to-point scene with nothing drawn yet."""
     from vita.scenario.toml_io import load
 
-    scenario = load("point_to_point_wam4" if robot == "wam4" else "point_to_point")
-    return replace(
-        scenario, title="Untitled task", description="", tracker=(), constraint=(), script=(), expect=None
-    )
+    scenario = load("point_to_point")
+    scene = scenario.scene if robot is None else replace(scenario.scene, robot=robot)
+    bare = replace(scenario, scene=scene, tracker=(), constraint=(), script=(), expect=None)
+    return replace(bare, title="Untitled task", description="")
 
 
 def catalogue() -> list[Entry]:

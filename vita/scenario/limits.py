@@ -69,6 +69,7 @@ def _scene(scenario: Scenario) -> None:
     _between(scene.q0_deg, _DEGREES, "scene.q0_deg")
     _between(scene.dead_band_deg, (0.0, 45.0), "scene.dead_band_deg")
     _between(scene.image_noise, (0.0, 255.0), "scene.image_noise")
+    _between(scene.depth_noise_mm, (0.0, 100.0), "scene.depth_noise_mm")
     for i, spec in enumerate(scene.objects):
         path = f"scene.objects[{i}]"
         _name(spec.name, f"{path}.name")
@@ -124,6 +125,7 @@ def _noise(noise: NoiseSpec, path: str) -> None:
 _ARGUMENTS = {
     "look_from": _METRES, "look_at": _METRES, "xyz": _METRES, "rpy_deg": _DEGREES, "turn_deg": _DEGREES,
     "dq_deg": _DEGREES, "at": _PIXELS, "size_px": (1.0, 4096.0), "for_s": _SECONDS, "over_s": _SECONDS,
+    "radius_m": (0.0, 100.0), "length_m": (0.0, 100.0), "speed_m_s": (0.0, 10.0), "turn_deg_s": (0.0, 360.0),
 }  # fmt: skip
 
 
@@ -139,7 +141,12 @@ def _expect(scenario: Scenario) -> None:
     expect = scenario.expect
     if expect is None:
         return
-    for key in ("within_s", "final_error_px", "max_joint_motion_after_deg"):
+    for i, follow in enumerate(expect.follow):
+        for key in ("from_s", "until_s", "rms_mm", "rms_deg", "mean_mm"):
+            _between(getattr(follow, key), _SECONDS, f"expect.follow[{i}].{key}")
+    for i, clearance in enumerate(expect.clearance):
+        _between(clearance.min, (-1e5, 1e5), f"expect.clearance[{i}].min")
+    for key in ("within_s", "final_error_px", "max_joint_motion_after_deg", "recovered_mm"):
         _between(getattr(expect, key), _SECONDS, f"expect.{key}")
     if expect.final_distance_mm is not None:
         path = "expect.final_distance_mm"

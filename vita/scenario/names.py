@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from vita.sim.robots import RobotModel
 
 OUTCOMES = ("converged", "limited", "held", "fault", "timeout")
+MODES = ("uvs", "impedance")
 NO_TOOL = "none"
 
 

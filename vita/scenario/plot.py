@@ -31,7 +31,8 @@ def plot(record: RunRecord, path: str | Path) -> None:
     FigureCanvasAgg(figure)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
     time = record.stamp - record.stamp[0] if record.stamp.size else record.stamp
-    _errors(above, record, time)
+    draw = _following if record.scenario.mode == "impedance" else _errors
+    draw(above, record, time)
     _joints(below, record, time)
     for axes in (above, below):
         _states(axes, record, time)
@@ -71,6 +72,23 @@ def _errors(axes: Any, record: RunRecord, time: np.ndarray) -> None:
     legend = axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
     for text in legend.get_texts():
         text.set_parse_math(False)
+
+
+def _following(axes: Any, record: RunRecord, time: np.ndarray) -> None:
+    """How far the tool was from its goal, truly and as seen, and what the learned calibration was off by."""
+    axes.set_ylabel("distance [mm]")
+    series = record.series
+    lines = [("tool to goal, as seen", series.get("error_mm"))]
+    for i, follow in enumerate(record.scenario.expect.follow if record.scenario.expect else ()):
+        lines.append((f"{follow.of} to goal, truly", series.get(f"follow_{i}_mm")))
+    if {"tool_true", "tool_recovered"} <= series.keys():
+        gap = 1e3 * np.linalg.norm(series["tool_recovered"] - series["tool_true"], axis=1)
+        lines.append(("recovered tool to true tool", gap))
+    for color, (name, values) in zip(_colors(len(lines)), lines, strict=True):
+        if values is not None:
+            axes.plot(time, np.maximum(values, 1e-2), color=color, linewidth=1.3, label=name)
+    axes.set_yscale("log")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8, frameon=False)
 
 
 def _joints(axes: Any, record: RunRecord, time: np.ndarray) -> None:

@@ -20,6 +20,8 @@ from vita.scenario.toml_io import dumps, loads
 from vita.types import Array, RowLabel, frozen
 
 _ARRAYS = ("stamp", "q", "error", "weights", "command", "uv", "seen", "jacobian")
+_SERIES = "series_"
+"""What the names of further arrays begin with in the file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +66,8 @@ class RunRecord:
     """(t, m, n) estimated Jacobian, NaN before it is learned; empty when not recorded [px/rad]."""
     final_distance_mm: float | None = None
     """Ground truth at the end, where the scenario asks for it [mm]."""
+    series: Mapping[str, Array] = field(default_factory=dict)
+    """Further arrays over the ticks: what the stereo-impedance mode saw and did, and the truth."""
     name: str = ""
     """How the scenario was called on the command line."""
 
@@ -94,6 +98,7 @@ class RunRecord:
         """Write STEM.npz (arrays), STEM.json (verdict and scenario) and, with matplotlib, STEM.png."""
         base = Path(folder) / (stem or self.stem)
         arrays = {key: getattr(self, key) for key in _ARRAYS}
+        arrays |= {_SERIES + key: values for key, values in self.series.items()}
         arrays["state"] = np.array(self.state, dtype=np.str_)
         arrays["trackers"] = np.array(self.trackers, dtype=np.str_)
         arrays["labels"] = np.array(
@@ -145,6 +150,11 @@ class RunRecord:
                 labels=tuple(_label(row) for row in arrays.pop("labels")),
                 state=tuple(map(str, arrays.pop("state"))),
                 trackers=tuple(map(str, arrays.pop("trackers"))),
+                series={
+                    key.removeprefix(_SERIES): frozen(values)
+                    for key, values in arrays.items()
+                    if key.startswith(_SERIES)
+                },
                 **{key: arrays[key] for key in _ARRAYS},
             )
         except OSError as error:

@@ -35,7 +35,7 @@ class SceneSpec:
     """The `[scene]` table."""
 
     robot: str = "wam7"
-    """`wam4`, `wam7`, or a path to a URDF."""
+    """`wam4`, `wam7`, `tx90`, `puma560`, or a path to a URDF."""
     q0_deg: tuple[float, ...] | None = None
     """Start pose [deg]; None is the robot's ready pose."""
     tool: str = "card_tool"
@@ -47,6 +47,8 @@ class SceneSpec:
     """Joint motions smaller than this are not carried out (thesis 5.1.3, TOL) [deg]."""
     image_noise: float = 0.0
     """Standard deviation of the camera noise [grey levels]."""
+    depth_noise_mm: float = 0.0
+    """Standard deviation of measured depth at 1 m [mm]; it grows with the square of the distance."""
 
 
 @dataclass(frozen=True)

@@ -47,13 +47,14 @@ def from_plain(table: Mapping[str, Any]) -> Scenario:
     check_numbers(scenario)
     robot = _robot(scenario)
     bodies = _check_scene(scenario, robot.links)
-    cameras = _check_cameras(scenario.camera, robot.links)
+    cameras = _check_cameras(scenario.camera, bodies[1:])
     trackers = _check_trackers(scenario.tracker, cameras, bodies)
     _check_constraints(scenario.constraint, trackers)
     _check_joints(scenario, robot.joints)
     for i, entry in enumerate(script):
         _check_references(entry, f"script[{i}]", scenario, len(robot.joints))
     _check_expect(scenario, bodies, cameras)
+    _check_mode(scenario, cameras)
     return scenario
 
 
@@ -108,7 +109,7 @@ def _check_scene(scenario: Scenario, links: Sequence[str]) -> tuple[str, ...]:
     return ("world", *links, *(spec.name for spec in scene.objects))
 
 
-def _check_cameras(cameras: Sequence[CameraSpec], links: Sequence[str]) -> dict[str, CameraSpec]:
+def _check_cameras(cameras: Sequence[CameraSpec], carriers: Sequence[str]) -> dict[str, CameraSpec]:
     _unique(cameras, "camera")
     for i, camera in enumerate(cameras):
         path = f"camera[{i}]"
@@ -116,7 +117,7 @@ def _check_cameras(cameras: Sequence[CameraSpec], links: Sequence[str]) -> dict[
             for key in ("look_from", "look_at"):
                 if getattr(camera, key) is not None:
                     raise BadInput("give either mount or look_from and look_at, not both", f"{path}.{key}")
-            known("link", camera.mount, links, f"{path}.mount")
+            known("link or object", camera.mount, carriers, f"{path}.mount")
             continue
         for key in ("look_from", "look_at"):
             if getattr(camera, key) is None:
@@ -267,6 +268,17 @@ def _check_references(entry: ScriptSpec, path: str, scenario: Scenario, n: int) 
                 raise BadInput(f"the robot has the joints 0 to {n - 1}, got {joint}", f"{path}.value")
 
 
+def _check_mode(scenario: Scenario, cameras: Mapping[str, CameraSpec]) -> None:
+    known("mode", scenario.mode, names.MODES, "mode")
+    if scenario.mode != "impedance":
+        return
+    for key in ("left", "right"):
+        known("camera", getattr(scenario.impedance, key), cameras, f"impedance.{key}")
+    if scenario.impedance.depth:
+        known("depth camera", scenario.impedance.depth, [n for n, c in cameras.items() if c.depth],
+              "impedance.depth")  # fmt: skip
+
+
 def _check_expect(scenario: Scenario, bodies: Sequence[str], cameras: Iterable[str]) -> None:
     expect = scenario.expect
     if expect is None:
@@ -279,3 +291,9 @@ def _check_expect(scenario: Scenario, bodies: Sequence[str], cameras: Iterable[s
         places = (*bodies, *(f"camera:{name}" for name in cameras))
         for key in ("of", "to"):
             known("body", getattr(expect.final_distance_mm, key), places, f"expect.final_distance_mm.{key}")
+    for i, follow in enumerate(expect.follow):
+        for key in ("of", "to"):
+            known("body", getattr(follow, key), bodies, f"expect.follow[{i}].{key}")
+    for i, clearance in enumerate(expect.clearance):
+        things = ("table", *(spec.name for spec in scenario.scene.objects))
+        known("body", clearance.to, things, f"expect.clearance[{i}].to")

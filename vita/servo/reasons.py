@@ -65,6 +65,30 @@ REASONS: dict[str, tuple[State, str]] = {
     "images_late": ("hold", "No new images came for a second, so the arm was stopped. Press Start to go on."),
     "rig_offline": ("offline", "The simulation does not answer: {culprit}. Restart it."),
     "frozen_feed": ("hold", "Camera {culprit} stopped sending new images. Press Start when it is back."),
+    # The stereo-impedance mode.
+    "arrived": ("done", "Done: the tool rests {error:.1f} mm from its goal ({tolerance:g} mm were asked)."),
+    "timeout_mm": ("hold", "Not there after {timeout:g} s; {error:.0f} mm are left. Press Start to go on."),
+    "cameras_moved": (
+        "learning",
+        "The cameras were moved. When they stand still, a small motion learns anew where they are.",
+    ),
+    "target_waiting": (
+        "servoing",
+        "Waiting, because {culprit}. Clear the view or move the tripod; it goes on by itself.",
+    ),
+    "target_unseen": (
+        "hold",
+        "Stopped after waiting {timeout:g} s, because {culprit}. Bring it into view, then press Start.",
+    ),
+    "tool_unseen": (
+        "hold",
+        "Where the cameras stand cannot be learned, because {culprit}. Move the tripod, then press Start.",
+    ),
+    "not_calibrated": (
+        "hold",
+        "The calibration motion did not tell where the cameras stand; {culprit}. Give the arm more room or a "
+        "larger calibration motion, then press Start.",
+    ),
 }
 
 
@@ -84,7 +108,7 @@ def status_for(reason: str, **facts: object) -> Status:
 def outcome_of(status: Status) -> str:
     """The verdict of a run in the words of the scenario file: `converged`, `limited`, `held`,
     `fault` or `timeout`."""
-    if status.reason == "timeout":
+    if status.reason in ("timeout", "timeout_mm"):
         return "timeout"
     if status.state == "done":
         return "limited" if status.reason == "dead_band" else "converged"

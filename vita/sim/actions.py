@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vita.errors import BadInput, UnknownName
+from vita.scenario.actions import PATHS
 from vita.sim.camera_view import Cover
 
 if TYPE_CHECKING:
@@ -62,6 +63,12 @@ def _at_least_0(value: Any, path: str) -> float:
     if _number(value, path) < 0:
         raise BadInput(f"must be 0 or more, got {value}", path)
     return float(value)
+
+
+def _path(value: Any, path: str) -> str:
+    if value not in PATHS:
+        raise UnknownName("path", str(value)[:64], PATHS, path)
+    return value
 
 
 def _view(world: World, camera: str) -> CameraView:
@@ -122,6 +129,17 @@ def _drag_target(world: World, object: str, xyz=None, rpy_deg=None, over_s: floa
     world.move_prop(object, xyz, rpy_deg, over_s)
 
 
+def _carry(
+    world: World, object: str, path: str, radius_m: float = 0.1, length_m: float = 0.3,
+    speed_m_s: float = 0.1, turn_deg_s: float = 0.0, for_s: float = np.inf,
+) -> None:  # fmt: skip
+    """Carry an object on and on, until the time is up or somebody drags it elsewhere."""
+    world.carry_prop(
+        object, path=path, radius_m=radius_m, length_m=length_m, speed_m_s=speed_m_s,
+        turn_deg_s=turn_deg_s, for_s=for_s,
+    )  # fmt: skip
+
+
 Checks = dict[str, Callable[[Any, str], Any]]
 _CAMERA: Checks = {"camera": _name}
 _WHILE: Checks = {"camera": _name, "for_s": _at_least_0}
@@ -141,6 +159,12 @@ ACTIONS: dict[str, tuple[Callable[..., None], Checks, tuple[str, ...]]] = {
         _drag_target,
         {"object": _name, "xyz": _numbers(3), "rpy_deg": _numbers(3), "over_s": _at_least_0},
         ("object",),
+    ),
+    "carry": (
+        _carry,
+        {"object": _name, "path": _path, "for_s": _at_least_0}
+        | dict.fromkeys(("radius_m", "length_m", "speed_m_s", "turn_deg_s"), _at_least_0),
+        ("object", "path"),
     ),
 }
 """Name to function, checks of the arguments, and the arguments that must be there."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from vita.scenario.schema import CameraSpec, Vector3
 from vita.sim.camera import PinholeCamera, camera_pose, pose_matrix
+from vita.sim.depth_sensor import Depth, DepthSensor, Patch
 from vita.sim.noise import CameraNoise
 from vita.sim.render import STILL_AFTER, Renderer
 from vita.types import Array, Image
@@ -36,15 +37,17 @@ class CameraView:
 
     _grey = grey_texture()
 
-    def __init__(self, spec: CameraSpec, image_noise: float, seed: int) -> None:
+    def __init__(self, spec: CameraSpec, image_noise: float, seed: int, depth_noise_mm: float = 0.0) -> None:
         self.lens = PinholeCamera(spec.name, spec.size, spec.fov_deg)
         self._first_spec = spec
         width, height = spec.size
         self._noise = None
         if image_noise > 0:
             self._noise = CameraNoise(image_noise, seed, spec.name, width * height * 3)
+        self._depth_sensor = DepthSensor(self.lens, depth_noise_mm, seed) if spec.depth else None
         self._drawn: tuple[bytes, Image, int] | None = None
         self._last: Image | None = None
+        self._last_depth: Depth | None = None
         self.restore()
 
     def restore(self) -> None:
@@ -85,6 +88,20 @@ class CameraView:
         self._last = image
         return image
 
+    def depth(self, renderer: Renderer, poses: Mapping[str, Array], now: float) -> Depth | None:
+        """(height / 4, width / 4) distances at `now` [m], read-only; None for a camera without depth."""
+        if self._depth_sensor is None:
+            return None
+        if now < self.frozen_until and self._last_depth is not None:
+            return self._last_depth
+        if now < self.black_until:
+            depth = self._depth_sensor.blind()
+        else:
+            covered = [self._patch(cover) for cover in self.covers if now < cover.until]
+            depth = self._depth_sensor.measure(renderer, self.pose(poses), poses, covered)
+        self._last_depth = depth
+        return depth
+
     def _draw(self, renderer: Renderer, poses: Mapping[str, Array]) -> Image:
         """The clean picture. A scene in which nothing moved is drawn until it looks its best, not longer."""
         T_world_camera = self.pose(poses)
@@ -94,10 +111,14 @@ class CameraView:
             self._drawn = key, renderer.render(self.lens, T_world_camera, poses), times + 1
         return self._drawn[1]
 
-    def _paint(self, image: Image, cover: Cover) -> None:
-        height, width = image.shape[:2]
-        (u, v), half = cover.at, cover.size_px / 2
+    def _patch(self, cover: Cover) -> Patch:
+        """The pixels that a cover hides."""
+        (width, height), (u, v), half = self.lens.size, cover.at, cover.size_px / 2
         left, right = (int(np.clip(round(x), 0, width)) for x in (u - half + 0.5, u + half + 0.5))
         top, bottom = (int(np.clip(round(y), 0, height)) for y in (v - half + 0.5, v + half + 0.5))
+        return left, right, top, bottom
+
+    def _paint(self, image: Image, cover: Cover) -> None:
+        left, right, top, bottom = self._patch(cover)
         rows, columns = np.arange(top, bottom) % 256, np.arange(left, right) % 256
         image[top:bottom, left:right] = self._grey[np.ix_(rows, columns)][..., None]

@@ -31,8 +31,16 @@ def _hidden(solid: Solid, others: Sequence[Solid]) -> NDArray[np.bool_]:
     between = np.stack([corners.mean(axis=1), *(corners[:, [k, k - 1]].mean(axis=1) for k in range(3))])
     hidden = np.zeros(len(solid.faces), bool)
     for other in others:
-        within = inside(solid.vertices, other)[solid.faces].all(axis=1)
-        hidden |= within & inside(between.reshape(-1, 3), other).reshape(4, -1).all(axis=0)
+        open_ = np.flatnonzero(~hidden)
+        if open_.size:
+            # Few faces have their corners inside; only their middles need to be looked at.
+            used = np.unique(solid.faces[open_])
+            within = np.zeros(len(solid.vertices), bool)
+            within[used] = inside(solid.vertices[used], other)
+            open_ = open_[within[solid.faces[open_]].all(axis=1)]
+        if open_.size:
+            middles = between[:, open_]
+            hidden[open_] = inside(middles.reshape(-1, 3), other).reshape(4, -1).all(axis=0)
     return hidden
 
 
@@ -46,10 +54,17 @@ def inside(points: Array, solid: Solid) -> NDArray[np.bool_]:
 
 def _winding(points: Array, solid: Solid) -> Array:
     """(k,) how often the solid's skin goes around each point: the sum of the triangles' solid angles."""
-    a, b, c = (solid.vertices[solid.faces[:, k]] - points[:, None] for k in range(3))
-    la, lb, lc = (np.linalg.norm(v, axis=2) for v in (a, b, c))
-    volume = np.einsum("pfi,pfi->pf", a, np.cross(b, c))
+    # Component by component, each of shape (points, corners): an axis of three at the end is slow.
+    x, y, z = (solid.vertices[:, k] - points[:, k, None] for k in range(3))
+    away = np.sqrt(x * x + y * y + z * z)
+    a, b, c = ((x[:, i], y[:, i], z[:, i]) for i in solid.faces.T)
+    la, lb, lc = (away[:, i] for i in solid.faces.T)
+    volume = (
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
     rest = la * lb * lc
     for u, v, opposite in ((a, b, lc), (b, c, la), (c, a, lb)):
-        rest = rest + np.einsum("pfi,pfi->pf", u, v) * opposite
+        rest += (u[0] * v[0] + u[1] * v[1] + u[2] * v[2]) * opposite
     return 2 * np.arctan2(volume, rest).sum(axis=1) / (4 * np.pi)

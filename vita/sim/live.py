@@ -21,9 +21,12 @@ from vita.impedance.arm_model import ArmModel
 from vita.impedance.view import Capsule
 from vita.scenario.schema import Scenario
 from vita.sim import live_child
+from vita.sim.arm_hull import scene_hull
+from vita.sim.obstacles import obstacle_capsules
 from vita.sim.robots import load_robot
 from vita.sim.shared_frames import SharedFrame, SharedFrames
 from vita.sim.truth import GroundTruth
+from vita.stereo.hull import ArmHull
 from vita.types import Array, Joint, JointStep, Observation, Visual
 
 START_S = 60.0
@@ -46,6 +49,8 @@ class LiveRig:
         context = multiprocessing.get_context("spawn")
         self.cameras: tuple[str, ...] = tuple(spec.name for spec in scenario.camera)
         self._truth = GroundTruth(scenario.camera)
+        self._objects = scenario.scene.objects
+        self._scene = scenario.scene
         self._asking, self._commanding = threading.Lock(), threading.Lock()
         self._last = -1
         self._numbers: Mapping[str, float] = {}
@@ -53,7 +58,7 @@ class LiveRig:
         self._death = ""
         self._requests = 0
         self._news = context.Semaphore(0)
-        self._shared = SharedFrames([(spec.name, spec.size) for spec in scenario.camera])
+        self._shared = SharedFrames.of(scenario.camera)
         pipe = None
         try:
             self._pipe, pipe = context.Pipe()
@@ -108,7 +113,8 @@ class LiveRig:
         self._numbers, self._last = seen.numbers, int(seen.numbers["number"])
         mask = int(seen.numbers["frozen_mask"])
         self._truth.update(seen.poses, [name for i, name in enumerate(self.cameras) if mask >> i & 1])
-        return Observation(seen.numbers["stamp"], self._last, seen.q, MappingProxyType(dict(seen.frames)))
+        frames, depths = MappingProxyType(dict(seen.frames)), MappingProxyType(dict(seen.depths))
+        return Observation(seen.numbers["stamp"], self._last, seen.q, frames, depths)
 
     def _await_frame(self, timeout: float) -> SharedFrame:
         deadline = time.monotonic() + timeout
@@ -188,9 +194,13 @@ class LiveRig:
         """The arm's kinematics as its drawing gives them."""
         return self._model.arm_model()
 
+    def arm_hull(self) -> ArmHull:
+        """What arm, tool and what they carry take up, as their drawings give it; takes a moment."""
+        return scene_hull(self._model, self._scene)
+
     def obstacles(self) -> Sequence[Capsule]:
         """People and obstacles at the last observation as thick segments."""
-        return ()
+        return obstacle_capsules(self._objects, self._truth.poses)
 
     def visuals(self) -> Sequence[Visual]:
         """The meshes of the scene."""

@@ -30,7 +30,7 @@ def main(
     try:
         from vita.sim.world import World
 
-        shared = SharedFrames([(c.name, c.size) for c in scenario.camera], memory)
+        shared = SharedFrames.of(scenario.camera, memory)
         child = LiveChild(World(scenario, seed), shared, pipe, news)
         child.greet()
         child.run()
@@ -114,7 +114,7 @@ class LiveChild:
     def _publish(self) -> None:
         world, state = self.world, self.world.gate_state()
         poses = world.poses()
-        frames = world.frames(poses)
+        frames, depths = world.frames(poses), world.depths(poses)
         began = time.perf_counter()
         numbers = {
             "stamp": world.time,
@@ -129,7 +129,7 @@ class LiveChild:
             "real_time_factor": self._factor,
             **world.milliseconds,
         }
-        self._shared.publish(numbers, world.q(), poses, frames)
+        self._shared.publish(numbers, world.q(), poses, frames, depths)
         self._news.release()
         self._hand_over_ms = 1e3 * (time.perf_counter() - began)
 

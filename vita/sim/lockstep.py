@@ -11,8 +11,11 @@ from vita.errors import RigOffline
 from vita.impedance.arm_model import ArmModel
 from vita.impedance.view import Capsule
 from vita.scenario.schema import Scenario
+from vita.sim.arm_hull import scene_hull
+from vita.sim.obstacles import obstacle_capsules
 from vita.sim.truth import GroundTruth
 from vita.sim.world import World
+from vita.stereo.hull import ArmHull
 from vita.types import Array, Joint, JointStep, Observation, Visual
 
 
@@ -27,6 +30,8 @@ class LockstepRig:
     def __init__(self, scenario: Scenario, seed: int | None = None) -> None:
         self._world = World(scenario, seed)
         self._truth = GroundTruth(scenario.camera)
+        self._objects = scenario.scene.objects
+        self._scene = scenario.scene
         self._truth.update(self._world.poses())
         self._number = -1
         self._closed = False
@@ -51,9 +56,11 @@ class LockstepRig:
             world.advance()
         self._number += 1
         poses = world.poses()
-        frames = world.frames(poses)
+        frames, depths = world.frames(poses), world.depths(poses)
         self._truth.update(poses, world.frozen_views())
-        return Observation(world.time, self._number, world.q(), MappingProxyType(frames))
+        return Observation(
+            world.time, self._number, world.q(), MappingProxyType(frames), MappingProxyType(depths)
+        )
 
     def command(self, step: JointStep | None) -> None:
         """Ask for a motion during the next frame periods; None brakes."""
@@ -87,9 +94,13 @@ class LockstepRig:
         """The arm's kinematics as its drawing gives them."""
         return self._world.model.arm_model()
 
+    def arm_hull(self) -> ArmHull:
+        """What arm, tool and what they carry take up, as their drawings give it; takes a moment."""
+        return scene_hull(self._world.model, self._scene)
+
     def obstacles(self) -> Sequence[Capsule]:
         """People and obstacles at the last observation as thick segments."""
-        return ()
+        return obstacle_capsules(self._objects, self._truth.poses)
 
     def visuals(self) -> Sequence[Visual]:
         """The meshes of the scene."""

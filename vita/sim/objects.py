@@ -20,11 +20,10 @@ from vita.sim.meshes import (
     slab_visuals,
     sphere_visual,
 )
+from vita.sim.paints import DARK, PAPER, STEEL
+from vita.sim.people import ball, person
+from vita.sim.stereo_things import target, tripod
 from vita.types import Array, Visual
-
-PAPER = (0.93, 0.91, 0.86)
-STEEL = (0.62, 0.64, 0.67)
-DARK = (0.16, 0.17, 0.19)
 
 
 def rectangle(width: float, height: float) -> Array:
@@ -170,7 +169,10 @@ def _underside(body: str, outline: Array) -> tuple[Visual, ...]:
 
 
 _BUILDERS: dict[str, Callable[[str], tuple[Visual, ...]]] = {
-    builder.__name__: builder for builder in (card, board, cube, frame, post, rail, bolt, marker, screen)
+    builder.__name__: builder
+    for builder in (
+        card, board, cube, frame, post, rail, bolt, marker, screen, target, tripod, person, ball,
+    )  # fmt: skip
 }
 OBJECT_KINDS: tuple[str, ...] = tuple(_BUILDERS)
 

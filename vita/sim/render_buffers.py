@@ -51,6 +51,19 @@ class Part:
         self._shaded.render()
 
 
+class Ranges:
+    """The framebuffers of one camera that hold distances instead of colours."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        def target() -> moderngl.Framebuffer:
+            return ctx.framebuffer([ctx.renderbuffer(size, 1, dtype="f4")], ctx.depth_renderbuffer(size))
+
+        self.size = size
+        self.live, self.background = target(), target()
+        self.key: tuple | None = None
+        """What the background shows, and from where."""
+
+
 class View:
     """The framebuffers and the cached background of one camera."""
 
@@ -63,24 +76,28 @@ class View:
         self.live, self.background = target(scale), target(scale)
         self.quick = self.live if scale == 1 else target(1)
         """For pictures with one sample a pixel."""
-        self._ranges: moderngl.Framebuffer | None = None
+        self._ranges: dict[int, Ranges] = {}
         self.still = StillBodies()
         self.picture = np.zeros((size[1], size[0], 3), np.uint8)
 
-    def ranges(self, ctx: moderngl.Context) -> moderngl.Framebuffer:
-        """The framebuffer for distances, made at the first use."""
-        if self._ranges is None:
-            color = ctx.renderbuffer(self.size, 1, dtype="f4")
-            self._ranges = ctx.framebuffer([color], ctx.depth_renderbuffer(self.size))
-        return self._ranges
+    def ranges(self, ctx: moderngl.Context, step: int = 1) -> Ranges:
+        """The framebuffers for the distances in every step-th row and column, made at the first use."""
+        if step not in self._ranges:
+            self._ranges[step] = Ranges(ctx, reduced(self.size, step))
+        return self._ranges[step]
 
     def release(self) -> None:
-        for target in {self.live, self.background, self.quick, self._ranges}:
-            if target is not None:
-                for part in (*target.color_attachments, target.depth_attachment):
-                    if part is not None:
-                        part.release()
-                target.release()
+        more = [target for ranges in self._ranges.values() for target in (ranges.live, ranges.background)]
+        for target in {self.live, self.background, self.quick, *more}:
+            for part in (*target.color_attachments, target.depth_attachment):
+                if part is not None:
+                    part.release()
+            target.release()
+
+
+def reduced(size: tuple[int, int], step: int) -> tuple[int, int]:
+    """(width, height) of every step-th column and row, from the first on [px]."""
+    return -(-size[0] // step), -(-size[1] // step)
 
 
 def same_texture(visuals: Sequence[Visual]) -> list[list[Visual]]:

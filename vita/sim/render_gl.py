@@ -24,7 +24,7 @@ from vita.errors import BadInput
 from vita.sim.camera import PinholeCamera
 from vita.sim.gl_copy import Box, rectangle_copy
 from vita.sim.render import FAR_M, NEAR_M, body_poses
-from vita.sim.render_buffers import Part, View, same_texture
+from vita.sim.render_buffers import Part, View, reduced, same_texture
 from vita.sim.shaders import BACKDROP, METRIC, PLAIN, PRINTED
 from vita.types import Array, Image, Visual
 
@@ -96,18 +96,28 @@ class GlRenderer:
             return _frozen(picture)
 
     def depth(
-        self, camera: PinholeCamera, T_world_camera: Array, poses: Mapping[str, Array]
+        self, camera: PinholeCamera, T_world_camera: Array, poses: Mapping[str, Array], step: int = 1
     ) -> NDArray[np.float32]:
-        """(height, width) distance along the optical axis [m]; inf where nothing is drawn."""
+        """(height, width) distance along the optical axis [m]; inf where nothing is drawn. With a `step`,
+        only every step-th row and column."""
         placed, T = self._checked(poses), np.asarray(T_world_camera, dtype=float)
-        width, height = camera.size
         with self._ctx:
             view = self._view(camera)
-            target = view.ranges(self._ctx)
-            target.use()
-            target.clear(red=np.inf, depth=1.0)
-            self._draw_bodies(camera, T, placed, self._bodies, metric=True)
-            values = np.frombuffer(target.read(components=1, dtype="f4"), np.float32)
+            ranges = view.ranges(self._ctx, step)
+            # What stood still in the pictures is kept here as well, for as long as it is where it was.
+            still = [body for body in self._bodies if self._cache and body in view.still.bodies]
+            key = (camera.fov_deg, T.tobytes(), *((body, placed[body].tobytes()) for body in still))
+            if ranges.key != key:
+                ranges.key = key
+                ranges.background.use()
+                ranges.background.clear(red=np.inf, depth=1.0)
+                self._draw_bodies(camera, T, placed, still, metric=True, step=step)
+            width, height = ranges.size
+            self._copy(ranges.background, ranges.live, (0, 0, width, height))
+            ranges.live.use()
+            moving = [body for body in self._bodies if body not in still]
+            self._draw_bodies(camera, T, placed, moving, metric=True, step=step)
+            values = np.frombuffer(ranges.live.read(components=1, dtype="f4"), np.float32)
         return values.reshape(height, width)
 
     def close(self) -> None:
@@ -142,7 +152,9 @@ class GlRenderer:
         self._ctx.depth_func = "<="
         self._backdrop_array.render(moderngl.TRIANGLES, vertices=3)
 
-    def _draw_bodies(self, camera: PinholeCamera, T: Array, placed, bodies, metric: bool = False) -> None:
+    def _draw_bodies(
+        self, camera: PinholeCamera, T: Array, placed, bodies, metric: bool = False, step: int = 1
+    ) -> None:
         """Draw `bodies`, or their distances, over what the bound framebuffer holds."""
         ctx = self._ctx
         ctx.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
@@ -150,7 +162,7 @@ class GlRenderer:
         ctx.front_face = "cw"
         ctx.depth_func = "<"
         camera_from_world = _inverse(T)
-        clip_from_camera = clip_matrix(camera)
+        clip_from_camera = clip_matrix(camera, step)
         for part in self._parts:
             if part.body not in bodies:
                 continue
@@ -220,14 +232,22 @@ def _inverse(T: Array) -> Array:
     return inverse
 
 
-def clip_matrix(camera: PinholeCamera) -> Array:
-    """(4, 4) OpenGL clip coordinates from camera coordinates, with the picture's rows downwards."""
-    (width, height), f = camera.size, camera.focal_px
+def clip_matrix(camera: PinholeCamera, step: int = 1) -> Array:
+    """(4, 4) OpenGL clip coordinates from camera coordinates, with the picture's rows downwards.
+
+    For a picture of every `step`-th row and column: its pixel j has the centre of the camera's pixel
+    step * j, so that the first pixels of both share their centres.
+    """
+    (width, height), f = camera.size, camera.focal_px / step
     span = FAR_M - NEAR_M
+    wide, high = reduced(camera.size, step)
+    # Where the optical axis goes through the picture, beyond its middle [its own pixels].
+    right = 0.5 * (width - 1) / step - 0.5 * (wide - 1)
+    down = 0.5 * (height - 1) / step - 0.5 * (high - 1)
     return np.array(
         [
-            [2 * f / width, 0, 0, 0],
-            [0, 2 * f / height, 0, 0],
+            [2 * f / wide, 0, 2 * right / wide, 0],
+            [0, 2 * f / high, 2 * down / high, 0],
             [0, 0, (FAR_M + NEAR_M) / span, -2 * FAR_M * NEAR_M / span],
             [0, 0, 1, 0],
         ]

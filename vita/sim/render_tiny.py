@@ -37,6 +37,8 @@ class TinyRenderer:
         self._client = pybullet.connect(pybullet.DIRECT)
         self._parts: list[tuple[str, int]] = []
         self._last: dict[str, Array] = {}
+        self._shots: dict[str, tuple[bytes, NDArray[np.float32]]] = {}
+        """Distances of each camera's last picture: it has them for nothing, and they are often asked next."""
         with tempfile.TemporaryDirectory() as folder:
             for number, visual in enumerate(visuals):
                 self._parts.append((visual.body, self._load(visual, Path(folder) / f"{number}.png")))
@@ -52,10 +54,20 @@ class TinyRenderer:
         return picture
 
     def depth(
-        self, camera: PinholeCamera, T_world_camera: Array, poses: Mapping[str, Array]
+        self, camera: PinholeCamera, T_world_camera: Array, poses: Mapping[str, Array], step: int = 1
     ) -> NDArray[np.float32]:
-        """(height, width) distance along the optical axis [m]; inf where nothing is drawn."""
-        return self._shoot(camera, T_world_camera, poses)[1]
+        """(height, width) distance along the optical axis [m]; inf where nothing is drawn. With a `step`,
+        only every step-th row and column."""
+        key, depth = self._shots.get(camera.name, (b"", np.empty(0, np.float32)))
+        if key != self._key(camera, T_world_camera, poses):
+            depth = self._shoot(camera, T_world_camera, poses)[1]
+        return depth[::step, ::step].copy()
+
+    def _key(self, camera: PinholeCamera, T: Array, poses: Mapping[str, Array]) -> bytes:
+        """Everything that a picture depends on."""
+        placed = body_poses(self._bodies, poses)
+        parts = (np.array([*camera.size, camera.fov_deg]), np.asarray(T, dtype=float), *placed.values())
+        return b"".join(part.tobytes() for part in parts)
 
     def close(self) -> None:
         """End the connection."""
@@ -98,6 +110,7 @@ class TinyRenderer:
         depth = np.full((height, width), np.inf, np.float32)
         seen = buffer < 1.0
         depth[seen] = FAR_M * NEAR_M / (FAR_M - span * buffer[seen])
+        self._shots[camera.name] = self._key(camera, T, poses), depth
         return rgba, depth
 
     def _place(self, poses: Mapping[str, Array]) -> None:

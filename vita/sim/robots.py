@@ -1,4 +1,4 @@
-"""The robots: two Barrett WAMs by name, and any URDF by its path."""
+"""The robots: the arms that ship by name, and any URDF by its path."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ import numpy as np
 from vita.assets import asset
 from vita.errors import BadInput, UnknownName
 from vita.impedance.arm_model import ArmModel
+from vita.sim.arm_spec import ArmSpec
 from vita.sim.dh import DHChain
+from vita.sim.robot_names import ROBOTS
+from vita.sim.shipped import SHIPPED
 from vita.sim.urdf import Urdf, UrdfJoint
 from vita.sim.urdf_file import read_urdf
 from vita.sim.urdf_visuals import urdf_visuals
-from vita.sim.wam import READY, SHOULDER_HEIGHT, WAM, WAMS
 from vita.types import Array, Joint, Visual, frozen
 
-ROBOTS: tuple[str, ...] = tuple(WAMS)
-"""The robots that ship."""
+__all__ = ["ROBOTS", "RobotModel", "load_robot"]
 
 RESERVED = ("world", "flange", "tool")
 """Body names with a meaning of their own; a foreign link of that name becomes `NAME_link`."""
@@ -39,13 +40,13 @@ class RobotModel:
     """(n,) a good start pose: elbow bent, hand in front over the table [rad]."""
     urdf: Path
     link_names: tuple[str, ...]
-    """Body names, parents first; the last one carries the flange. The WAMs: base, link1, ..., linkN."""
+    """Body names, parents first; the last one carries the flange. Ours: base, link1, ..., linkN."""
     T_last_tool: Array
     """(4, 4) tool frame in the last link's frame; z points out of the flange."""
     chain: DHChain | None
     """Denavit-Hartenberg parameters in the base frame; None for foreign URDFs."""
     T_world_base: Array
-    """(4, 4) where the base stands. The WAM's base frame is its shoulder, 0.346 m above z = 0."""
+    """(4, 4) where the base stands. The base frame of a WAM or a Puma is its shoulder, above z = 0."""
     tree: Urdf = field(repr=False)
     """The parsed URDF."""
     bodies: dict[str, str] = field(repr=False)
@@ -107,41 +108,39 @@ def _visuals(path: Path, _changed: int) -> tuple[Visual, ...]:
 
 
 def load_robot(name_or_path: str) -> RobotModel:
-    """`wam4`, `wam7`, or the path of a URDF file.
+    """The robot of a name in `ROBOTS` or of the path of a URDF file.
 
     Raises `UnknownName` for a name that is neither, `BadInput` for a file that cannot be used.
     """
     name = str(name_or_path)
-    if name in WAMS:
-        return _wam(name, WAMS[name])
+    if name in SHIPPED:
+        return _ours(SHIPPED[name])
     looks_like_path = any(sign in name for sign in ("/", "\\")) or name.lower().endswith((".urdf", ".xml"))
     if not looks_like_path and not Path(name).is_file():
         raise UnknownName("robot", name, (*ROBOTS, "the path of a URDF file"))
     return _foreign(Path(name).expanduser())
 
 
-def _wam(name: str, wam: WAM) -> RobotModel:
-    path = asset("robots", "wam", f"{name}.urdf")
+def _ours(spec: ArmSpec) -> RobotModel:
+    path = asset("robots", spec.folder, f"{spec.name}.urdf")
     tree = read_urdf(path)
     bodies = _body_names(tree)
-    last = wam.chain.n - 1
-    T_last_tool = wam.chain.fixed(last)
-    T_last_tool[:3, 3] += T_last_tool[:3, 2] * wam.tool_reach
+    T_last_tool = spec.chain.fixed(spec.chain.n - 1)
+    T_last_tool[:3, 3] += T_last_tool[:3, 2] * spec.tool_reach
     T_world_base = np.eye(4)
-    T_world_base[2, 3] = SHOULDER_HEIGHT
-    moving = [joint for joint in tree.joints if joint.movable]
+    T_world_base[2, 3] = spec.base_height
     return RobotModel(
-        name=name,
-        joints=tuple(_joint(joint) for joint in moving),
-        q_ready=frozen(READY[name]),
+        name=spec.name,
+        joints=tuple(_joint(joint) for joint in tree.joints if joint.movable),
+        q_ready=frozen(spec.ready),
         urdf=path,
         link_names=tuple(bodies.values()),
         T_last_tool=frozen(T_last_tool),
-        chain=wam.chain,
+        chain=spec.chain,
         T_world_base=frozen(T_world_base),
         tree=tree,
         bodies=bodies,
-        landmarks=(1, 3, 4 if name == "wam4" else 5),
+        landmarks=spec.landmarks,
     )
 
 

@@ -10,11 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from multiprocessing.shared_memory import SharedMemory
+from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vita.errors import BadInput
-from vita.types import Array, Image, JointStep, frozen
+from vita.scenario.schema import CameraSpec
+from vita.types import DEPTH_STEP_PX, Array, Image, JointStep, frozen
 
 SLOTS = 4
 MAX_JOINTS = 32
@@ -43,6 +46,7 @@ class SharedFrame:
     q: Array
     poses: Mapping[str, Array]
     frames: Mapping[str, Image]
+    depths: Mapping[str, NDArray[np.float32]]
 
 
 def _aligned(size: int) -> int:
@@ -52,17 +56,24 @@ def _aligned(size: int) -> int:
 class SharedFrames:
     """Both processes make one of these over the same memory; `name` is None in the one that owns it."""
 
-    def __init__(self, cameras: Sequence[tuple[str, tuple[int, int]]], name: str | None = None) -> None:
-        """cameras: names with (width, height)."""
+    def __init__(
+        self,
+        cameras: Sequence[tuple[str, tuple[int, int]]],
+        name: str | None = None,
+        depths: Sequence[str] = (),
+    ) -> None:
+        """cameras: names with (width, height); depths: the names of those that measure depth as well."""
         sizes = [_aligned(width * height * 3) for _, (width, height) in cameras]
-        slot = _aligned(_META) + sum(sizes)
+        step = DEPTH_STEP_PX
+        grids = {camera: (-(-h // step), -(-w // step)) for camera, (w, h) in cameras if camera in depths}
+        slot = _aligned(_META) + sum(sizes) + sum(_aligned(4 * h * w) for h, w in grids.values())
         start = _CONTROL + _aligned(_COMMAND)
         self._memory = SharedMemory(name, create=name is None, size=start + SLOTS * slot)
         self._owner = name is None
         self.name = self._memory.name
         self._control = self._view((8,), np.int64, 0)
         self._command = self._view((4 + 2 * MAX_JOINTS,), np.float64, _CONTROL)
-        self._sequence, self._meta, self._images = [], [], []
+        self._sequence, self._meta, self._images, self._depths = [], [], [], []
         for i in range(SLOTS):
             base = start + i * slot
             self._sequence.append(self._view((1,), np.int64, base))
@@ -73,9 +84,18 @@ class SharedFrames:
                 images[camera] = self._view((height, width, 3), np.uint8, base)
                 base += size
             self._images.append(images)
+            self._depths.append({})
+            for camera, (height, width) in grids.items():
+                self._depths[i][camera] = self._view((height, width), np.float32, base)
+                base += _aligned(4 * height * width)
         if self._owner:
             self._control[_NEWEST] = -1
         self._seen_command = 0
+
+    @classmethod
+    def of(cls, cameras: Sequence[CameraSpec], name: str | None = None) -> SharedFrames:
+        """The memory for a scenario's cameras."""
+        return cls([(c.name, c.size) for c in cameras], name, [c.name for c in cameras if c.depth])
 
     def _view(self, shape: tuple[int, ...], dtype: type, offset: int) -> np.ndarray:
         return np.ndarray(shape, dtype, buffer=self._memory.buf, offset=offset)
@@ -83,7 +103,12 @@ class SharedFrames:
     # ---- frames: written by the child, read by the parent -----------------------------------------
 
     def publish(
-        self, numbers: Mapping[str, float], q: Array, poses: Mapping[str, Array], frames: Mapping[str, Image]
+        self,
+        numbers: Mapping[str, float],
+        q: Array,
+        poses: Mapping[str, Array],
+        frames: Mapping[str, Image],
+        depths: Mapping[str, NDArray[np.float32]] = MappingProxyType({}),
     ) -> None:
         """Write a frame into the next slot and make it the newest."""
         if len(q) > MAX_JOINTS or len(poses) > MAX_BODIES:
@@ -98,6 +123,8 @@ class SharedFrames:
         meta[start : start + 16 * len(poses)] = np.concatenate([T.ravel() for T in poses.values()])
         for camera, image in frames.items():
             self._images[i][camera][...] = image
+        for camera, depth in depths.items():
+            self._depths[i][camera][...] = depth
         self._sequence[i][0] += 1
         self._control[_NEWEST] = number
 
@@ -115,6 +142,7 @@ class SharedFrames:
         before = int(self._sequence[i][0])
         meta = self._meta[i].copy()
         frames = {camera: frozen(image, np.uint8) for camera, image in self._images[i].items()}
+        depths = {camera: frozen(depth, np.float32) for camera, depth in self._depths[i].items()}
         if before % 2 or int(self._sequence[i][0]) != before:
             return None
         start = _NUMBERS + MAX_JOINTS
@@ -124,6 +152,7 @@ class SharedFrames:
             frozen(meta[_NUMBERS : _NUMBERS + joints]),
             dict(zip(bodies, poses, strict=True)),
             frames,
+            depths,
         )
 
     def tick(self, number: int) -> None:
@@ -207,7 +236,7 @@ class SharedFrames:
             return
         # numpy's views keep the memory mapped, so that they have to go first.
         del self._control, self._command
-        self._sequence, self._meta, self._images = [], [], []
+        self._sequence, self._meta, self._images, self._depths = [], [], [], []
         try:
             self._memory.close()
         except BufferError:

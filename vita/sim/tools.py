@@ -10,8 +10,15 @@ import numpy as np
 from vita.errors import UnknownName
 from vita.sim import textures
 from vita.sim.environment import build_environment
-from vita.sim.meshes import box_visual, cylinder_visual, sheet_visual, slab_visuals
-from vita.sim.objects import DARK, PAPER, STEEL
+from vita.sim.meshes import (
+    box_visual,
+    cylinder_visual,
+    lathe_visual,
+    sheet_visual,
+    slab_visuals,
+    sphere_visual,
+)
+from vita.sim.paints import DARK, ORANGE, PAPER, STEEL
 from vita.types import Array, Image, Visual
 
 __all__ = ["TOOLS", "build_environment", "build_tool"]
@@ -75,6 +82,31 @@ def wrench() -> tuple[Visual, ...]:
     return (cylinder_visual(BODY, 0.03, 0.0, 0.008, DARK), *blade)
 
 
+def marker_tool() -> tuple[Visual, ...]:
+    """A stem with ArUco code 7 (6 x 6), 0.05 m over its black frame, on a white plate of 0.07 m.
+
+    The plate's face lies in the plane x = 0 and looks along -x, which is ahead while the tool points down:
+    there the cameras are. The code's centre is (0, 0, 0.085); its right is y, its up is -z. A pin below
+    the plate ends in a small ball about the tool point (0, 0, 0.14).
+    """
+    pose = np.eye(4)
+    # The plate's own frame is the marker's: x right, y up, z out of the face.
+    pose[:3, :3] = np.array([[0, 0, -1], [1, 0, 0], [0, -1, 0]], dtype=float)
+    pose[2, 3] = 0.085
+    plate = slab_visuals(
+        BODY, 0.035 * np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]]), -0.003, 0.0, PAPER, pose,
+        top=textures.marker(7, px=40, quiet=1.6),
+    )  # fmt: skip
+    return (
+        cylinder_visual(BODY, 0.03, 0.0, 0.008, DARK),
+        cylinder_visual(BODY, 0.008, 0.008, 0.052, DARK, _at(0.011, 0, 0), segments=24),
+        box_visual(BODY, (0.012, 0.03, 0.06), DARK, _at(0.009, 0, 0.075)),
+        *plate,
+        lathe_visual(BODY, [(0.005, 0.12), (0.002, 0.137)], STEEL, segments=20),
+        sphere_visual(BODY, 0.005, ORANGE, (0.0, 0.0, 0.14), segments=20),
+    )
+
+
 def hand() -> tuple[Visual, ...]:
     """The three-finger hand."""
     from vita.sim.hand import hand_visuals
@@ -109,6 +141,7 @@ def _with_marks(picture: Image) -> Image:
 _BUILDERS: dict[str, Callable[[], tuple[Visual, ...]]] = {
     "none": no_tool,
     "card_tool": card_tool,
+    "marker_tool": marker_tool,
     "wrench": wrench,
     "hand": hand,
 }

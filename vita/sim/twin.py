@@ -103,9 +103,9 @@ class Twin:
             bodies[spec.name] = placed if spec.mount is None else links[spec.mount] @ placed
         for spec in self.scenario.camera:
             own = self._fixed_cameras.get(spec.name)
-            bodies[f"camera:{spec.name}"] = own if own is not None else links[spec.mount or ""] @ pose_matrix(
-                spec.xyz, spec.rpy_deg
-            )
+            if own is None:
+                own = bodies[spec.mount or ""] @ pose_matrix(spec.xyz, spec.rpy_deg)
+            bodies[f"camera:{spec.name}"] = own
         return bodies
 
     def _hand_bodies(self) -> frozenset[str]:

@@ -6,11 +6,10 @@ elbow, slim forearm, compact wrist. Each body function returns (colour, solid) p
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from vita.sim.hidden_faces import without_hidden
+from vita.sim.arm_spec import Drawing, Part
+from vita.sim.lying import along_y, upright
 from vita.sim.shapes import (
     Solid,
     ball,
@@ -26,27 +25,12 @@ from vita.sim.shapes import (
     stadium,
 )
 
-Part = tuple[str, Solid]
-
 COLORS: dict[str, tuple[float, float, float]] = {
     "white": (0.88, 0.89, 0.90),
     "grey": (0.58, 0.60, 0.62),
     "black": (0.09, 0.09, 0.10),
     "metal": (0.74, 0.76, 0.78),
 }
-
-
-def along_y(solid: Solid) -> Solid:
-    """Lay a solid that stands along z down along y."""
-    return solid.moved(np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]]))
-
-
-def upright(solid: Solid, x: float = 0.0) -> Solid:
-    """From a frame with z along the arm to a link frame whose z is the joint axis across it.
-
-    That is Tx(x) Rx(pi/2), the constant part of joints 2, 4 and 6.
-    """
-    return solid.moved(np.array([[1, 0, 0, x], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]]))
 
 
 def base() -> list[Part]:
@@ -57,7 +41,7 @@ def base() -> list[Part]:
     collar = drum(0.112, -0.19, -0.160, 0.004)
     cabinet = slab(rounded_rectangle(0.13, 0.20, 0.022), -0.324, -0.21, 0.006).shifted(x=-0.125)
     panel = slab(rounded_rectangle(0.012, 0.15, 0.005), -0.31, -0.225, 0.002).shifted(x=-0.19)
-    plugs = [along_x(drum(0.011, 0.19, 0.207, 0.002), y, -0.265) for y in (-0.045, 0.0, 0.045)]
+    plugs = [_plug(drum(0.011, 0.19, 0.207, 0.002), y, -0.265) for y in (-0.045, 0.0, 0.045)]
     bolts = [
         drum(0.012, -0.323, -0.315, 0.002).shifted(x, y) for x in (-0.118, 0.118) for y in (-0.108, 0.108)
     ]
@@ -67,7 +51,7 @@ def base() -> list[Part]:
     ]  # fmt: skip
 
 
-def along_x(solid: Solid, y: float, z: float) -> Solid:
+def _plug(solid: Solid, y: float, z: float) -> Solid:
     """Lay a solid that stands along z down along -x."""
     return solid.moved(np.array([[0, 0, -1, 0], [0, 1, 0, y], [1, 0, 0, z], [0, 0, 0, 1.0]]))
 
@@ -195,23 +179,6 @@ def flange() -> list[Part]:
     return [("metal", plate), ("black", ring)]
 
 
-BODIES: dict[str, Callable[[], list[Part]]] = {
+BODIES: dict[str, Drawing] = {
     body.__name__: body for body in (base, link1, link2, link3, forearm, outer, wrist1, wrist2, flange)
 }
-
-
-def body_solids(body: str) -> dict[str, list[Solid]]:
-    """Colour to the solids of a body."""
-    grouped: dict[str, list[Solid]] = {}
-    for color, solid in BODIES[body]():
-        grouped.setdefault(color, []).append(solid)
-    return grouped
-
-
-def link_solids(body: str) -> dict[str, Solid]:
-    """Colour to what is seen of the solids of a body: what goes into one mesh file."""
-    parts = BODIES[body]()
-    seen: dict[str, list[Solid]] = {}
-    for (color, _), solid in zip(parts, without_hidden([solid for _, solid in parts]), strict=True):
-        seen.setdefault(color, []).append(solid)
-    return {color: joined(solids) for color, solids in seen.items()}

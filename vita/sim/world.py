@@ -19,6 +19,7 @@ from vita.sim.actions import carry_out
 from vita.sim.arm import Arm
 from vita.sim.bullet import pybullet as p
 from vita.sim.camera_view import CameraView
+from vita.sim.depth_sensor import Depth
 from vita.sim.environment import build_environment
 from vita.sim.joint_limits import limits_in_force, within
 from vita.sim.objects import build_object
@@ -53,7 +54,10 @@ class World:
             *build_environment(scene.table),
         )
         self._renderer = make_renderer(self.visuals)
-        self.views = {spec.name: CameraView(spec, scene.image_noise, seed) for spec in scenario.camera}
+        self.views = {
+            spec.name: CameraView(spec, scene.image_noise, seed, scene.depth_noise_mm)
+            for spec in scenario.camera
+        }
         limits = limits_in_force(self.model.joints, scenario.limits)
         self.gate = Gate(limits, scenario.limits.acceleration_rad_s2, dt=1 / GATE_HZ)
         self._cycles = 0
@@ -121,6 +125,17 @@ class World:
         self.milliseconds["render"] = 1e3 * (time.perf_counter() - began)
         return frames
 
+    def depths(self, poses: Mapping[str, Array] | None = None) -> dict[str, Depth]:
+        """Name of each camera that measures depth to its distances; see `Observation.depths`. To be asked
+        after `frames` of the same moment."""
+        if not any(view.spec.depth for view in self.views.values()):
+            return {}
+        began = time.perf_counter()
+        poses = self._bodies() if poses is None else poses
+        found = {name: view.depth(self._renderer, poses, self.time) for name, view in self.views.items()}
+        self.milliseconds["render"] += 1e3 * (time.perf_counter() - began)
+        return {name: depth for name, depth in found.items() if depth is not None}
+
     def gate_state(self) -> dict[str, object]:
         """What the gate has to say; `saturated` lists joint indices."""
         gate = self.gate
@@ -156,6 +171,10 @@ class World:
     def move_prop(self, name: str, xyz: tuple | None, rpy_deg: tuple | None, over_s: float) -> None:
         """Start to move an object to a new placement."""
         self._props.move(name, xyz, rpy_deg, over_s, self.time)
+
+    def carry_prop(self, name: str, **way: float | str) -> None:
+        """Start to carry an object on and on; see `vita.sim.motions`."""
+        self._props.carry(name, self.time, **way)
 
     def hard_reset(self, q: Array) -> None:
         """The arm at q (n,) [rad] at rest, objects and cameras as in the scenario; time goes on."""

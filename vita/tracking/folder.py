@@ -36,6 +36,7 @@ class FolderSource:
         self._next = 0
         self._bits: int | None = None
         self.total = len(self._paths)
+        self.names = [path.name for path in self._paths]
 
     def read(self) -> Picture | None:
         if self._next >= len(self._paths):

@@ -64,6 +64,11 @@ class CameraSource:
     def skip(self) -> bool:
         return bool(self._video.grab())
 
+    def retrieve(self) -> Picture | None:
+        """The frame that `skip` left out: two cameras are exposed together and unpacked afterwards."""
+        ok, bgr = self._video.retrieve()
+        return Picture(_rgb(bgr)) if ok and bgr is not None else None
+
     def close(self) -> None:
         self._video.release()
 

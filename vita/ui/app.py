@@ -19,7 +19,9 @@ from vita.ui.announcer import Announcer
 from vita.ui.audience import Audience
 from vita.ui.board import Board
 from vita.ui.compose import Composer
+from vita.ui.dragging import Mover
 from vita.ui.hotkeys import add_hotkeys
+from vita.ui.mode import IMPEDANCE, UVS, Tabs, TwoFaced, following
 from vita.ui.panels import (
     Desk,
     FilesPanel,
@@ -27,11 +29,14 @@ from vita.ui.panels import (
     Panel,
     RunPanel,
     ServoPanel,
+    StereoPanel,
     TaskPanel,
+    TuningPanel,
     ViewPanel,
 )
 from vita.ui.plots import Plots
 from vita.ui.ports import check_free
+from vita.ui.recovered import RecoveredPlots
 from vita.ui.safe import guarded, log
 from vita.ui.words import TEAL
 
@@ -67,6 +72,7 @@ class App:
         self._announcer = Announcer(self.server, runner.snapshot())
         self.guard = guarded(self._announcer.tell)
         self.composer = Composer(self._submit)
+        self.mover = Mover(self._submit, runner.snapshot)
         self.actions = Actions(self.composer, self._submit, runner.snapshot, lambda: self.run.stop())
         self._set_the_scene()
         self.audience = self.actions.audience = Audience(
@@ -117,7 +123,9 @@ class App:
 
     def _board(self, client: viser.ClientHandle) -> Board:
         actions = self.actions
-        return Board(client, self.composer, self.guard, actions.picked, actions.moved, actions.missed)
+        return Board(
+            client, self.composer, self.guard, actions.picked, actions.moved, actions.missed, self.mover
+        )
 
     def _add_panels(self) -> None:
         gui, audience, actions = self.server.gui, self.audience, self.actions
@@ -130,22 +138,50 @@ class App:
         gui.main_panel.set_width(PANEL_WIDTH)
         tabs = gui.add_panel()
         files: FilesPanel
-        with tabs.add_tab("Task", viser.Icon.TARGET):
+        first = TwoFaced(
+            gui, tabs, {UVS: ("Task", viser.Icon.TARGET), IMPEDANCE: ("Stereo", viser.Icon.TARGET_ARROW)}
+        )
+        second = TwoFaced(
+            gui, tabs, {UVS: ("Servo", viser.Icon.ADJUSTMENTS), IMPEDANCE: ("Tuning", viser.Icon.ADJUSTMENTS)}
+        )
+        with first.face(UVS):
             task = TaskPanel(desk, lambda event: files.show_me(event))
-        with tabs.add_tab("Servo", viser.Icon.ADJUSTMENTS):
+        with second.face(UVS):
             servo = ServoPanel(desk)
-        with tabs.add_tab("Files", viser.Icon.FOLDER):
+        with first.face(IMPEDANCE):
+            stereo = StereoPanel(desk, self.mover)
+        with second.face(IMPEDANCE):
+            tuning = TuningPanel(desk)
+        with tabs.add_tab("Files", viser.Icon.FOLDER) as files_tab:
             files = FilesPanel(desk)
-        with tabs.add_tab("View", viser.Icon.EYE):
+        with tabs.add_tab("View", viser.Icon.EYE) as view_tab:
             view = ViewPanel(
-                desk, audience.display, audience.encoder, actions, audience.set_pane, audience.set_foresee
+                desk, audience.display, audience.encoder, actions, audience.set_pane, audience.set_foresee,
+                audience.set_forces,
             )
         tabs.dock_below(gui.main_panel)
         plots = gui.add_panel()
-        self.plots = Plots(gui, plots)
-        knowledge = KnowledgePanel(gui, plots.add_tab("Knowledge", viser.Icon.GAUGE))
+        error = TwoFaced(gui, plots, dict.fromkeys((UVS, IMPEDANCE), ("Error", viser.Icon.CHART_LINE)))
+        self.plots = Plots(gui, error.face(UVS), plots.add_tab("Joints", viser.Icon.ROBOT))
+        knowledge_tab = plots.add_tab("Knowledge", viser.Icon.GAUGE)
+        knowledge = KnowledgePanel(gui, knowledge_tab)
+        self.recovered = RecoveredPlots(gui, error.face(IMPEDANCE), plots)
         plots.dock_below(tabs)
-        self.panels = [self.run, task, servo, files, view, knowledge]
+        self.panels = [self.run, task, servo, stereo, tuning, files, view, knowledge]
+        self._tabs = (
+            Tabs(tabs, dict.fromkeys((UVS, IMPEDANCE), (first, second, files_tab, view_tab))),
+            Tabs(plots, {
+                UVS: (error, self.plots.joints_tab, knowledge_tab),
+                IMPEDANCE: (error, *self.recovered.tabs, self.plots.joints_tab),
+            }),
+        )
+        self._hidden_in = {UVS: (stereo, tuning), IMPEDANCE: (task, servo, knowledge)}
+        self._show_tabs(self.runner.snapshot())
+
+    def _show_tabs(self, snapshot: Snapshot) -> None:
+        """The tabs of the mode in force."""
+        for tabs in self._tabs:
+            tabs.show(snapshot.scenario.mode)
 
     def _submit(self, command: object) -> None:
         self.runner.submit(command)
@@ -171,6 +207,13 @@ class App:
         if not self.boards:
             return  # nobody looks
         with self.server.atomic():
+            self._show_tabs(snapshot)
+            hidden = self._hidden_in[snapshot.scenario.mode]
             for panel in self.panels:
-                panel.update(snapshot)
+                if panel not in hidden:
+                    panel.update(snapshot)
             self.plots.update(snapshot, time.monotonic())
+            if following(snapshot):
+                self.recovered.update(snapshot, time.monotonic())
+            else:
+                self.recovered.forget()

@@ -61,6 +61,12 @@ class Audience:
         for board in list(self.boards.values()):
             board.foresee = shown
 
+    def set_forces(self, shown: bool) -> None:
+        """Show or hide forces and the virtual mass everywhere."""
+        self.display.forces = shown
+        for board in list(self.boards.values()):
+            board.forces = shown
+
     def stop(self) -> None:
         for stream in list(self._streams.values()):
             stream.stop()
@@ -68,6 +74,7 @@ class Audience:
     def _arrived(self, client: viser.ClientHandle) -> None:
         board = self._make_board(client)
         board.pane, board.foresee = self.display.pane, self.display.foresee
+        board.forces = self.display.forces
         self.boards[client.client_id] = board
 
         def show(snapshot: Snapshot) -> None:

@@ -17,12 +17,15 @@ from vita.scenario.schema import CameraSpec
 from vita.snapshot import Snapshot
 from vita.types import Array
 from vita.ui.compose import Composer
+from vita.ui.dragging import Mover
 from vita.ui.ghost import Ghosts
+from vita.ui.hand import Hand
 from vita.ui.labels import LabelPool
 from vita.ui.layout import Layout, arrange
 from vita.ui.lens import Lens
 from vita.ui.loupe import PointerLoupe
 from vita.ui.mesh import Mesh
+from vita.ui.mode import following
 from vita.ui.overlay import NO_GHOSTS, draw
 from vita.ui.picking import Picking
 from vita.ui.pointer import hold_still
@@ -35,6 +38,10 @@ FAR_BELOW = 2.0e5
 WORLD_SCALE = 1000.0
 SCENE_SIZE = (2.6, 1.5)
 """Width and height of what the small 3D view should show [m]."""
+NEAR_EYE, WIDE_EYE = (1.9, -1.7, 1.35), (2.5, -2.4, 1.75)
+"""From where the big 3D world is seen first: the arm, or also people and the tripod around it [m]."""
+WIDE_SIZE = (3.4, 2.3)
+WIDE_CENTER = np.array([0.6, 0.1, 0.35])
 UPRIGHT = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 """Turns a world with z up into the board, whose y is down."""
 BESIDE = np.array([[-4e5, -4e5, 0.0], [8e5, -4e5, 0.0], [-4e5, 8e5, 0.0]])
@@ -52,6 +59,7 @@ class Board:
         on_pick: Callable[[str, tuple[float, float], str | None], None],
         on_move: Callable[[str, tuple[float, float], tuple[float, float] | None], None],
         on_miss: Callable[[Any], None],
+        mover: Mover,
     ) -> None:
         self._client, self._composer, self._guard = client, composer, guard
         self.on_pick, self.on_move = on_pick, on_move
@@ -63,6 +71,10 @@ class Board:
         self.pane = True
         self.foresee = True
         """Whether the next step is shown, on the images and in 3D."""
+        self._wide = False
+        """Whether the 3D views show the room around the arm too: people and the tripod."""
+        self.forces = True
+        """Whether forces, mass and what the cameras say are shown in 3D."""
         self.hover: tuple[float, float] | None = None
         """Where the pointer rests over the pictures (0 to 1 each), as the browser told last."""
         self.loupe = PointerLoupe(client.scene)
@@ -81,7 +93,8 @@ class Board:
         self._backdrop.on_click(guard(on_miss))
         self._backdrop.on_drag("left")(guard(lambda event: None))
         self._small = World3D(scene, "/overview", 200.0)
-        self._big = World3D(scene, "/world3d", WORLD_SCALE)
+        self._big = World3D(scene, "/world3d", WORLD_SCALE, labels=True)
+        self._hands = [Hand(client, world, mover, guard) for world in (self._small, self._big)]
         self._big.place((0.0, FAR_BELOW, 0.0), UPRIGHT, True)
         scene.add_grid(
             "/world3d/grid", width=4000.0, height=4000.0, plane="xy", cell_size=200.0, section_size=1000.0,
@@ -100,9 +113,13 @@ class Board:
         self.snapshot = snapshot
         if self.layout is None:
             return
+        if following(snapshot) != self._wide:
+            self._wide = following(snapshot)
+            self._place_small()
+        for hand in self._hands:
+            hand.offer(snapshot)
         if self.mode == "world":
-            self._big.update(snapshot.poses)
-            self._big.foresee(self._ghost_poses(snapshot), snapshot.poses)
+            self._show_world(self._big, snapshot)
             return
         if self.lens.tilted():  # A browser that has fallen silent tells nothing that could start this.
             self.lens.straighten()
@@ -123,8 +140,12 @@ class Board:
                 drawing.tags = [t for t in drawing.tags if not covered.holds(*cell.to_board(*t.uv))]
             view.stroke(cell, drawing, unit / cell.scale)
         if self.layout.pane is not None and self.pane:
-            self._small.update(snapshot.poses)
-            self._small.foresee(self._ghost_poses(snapshot), snapshot.poses)
+            self._show_world(self._small, snapshot)
+
+    def _show_world(self, world: World3D, snapshot: Snapshot) -> None:
+        world.update(snapshot.poses)
+        world.foresee(self._ghost_poses(snapshot), snapshot.poses)
+        world.feel(snapshot, self.forces)
 
     def _ghost_poses(self, snapshot: Snapshot) -> Mapping[str, Array]:
         return snapshot.ghost_poses if self.foresee else {}
@@ -196,9 +217,10 @@ class Board:
         if pane is None:
             self._small.place((0.0, 0.0, 0.0), np.eye(3), False)
             return
-        self._small.rescale(min(pane.w / SCENE_SIZE[0], pane.h / SCENE_SIZE[1]))
+        size = WIDE_SIZE if self._wide else SCENE_SIZE
+        self._small.rescale(min(pane.w / size[0], pane.h / size[1]))
         rotation = looking(np.array([1.6, -1.5, 1.15]))
-        center = rotation @ SCENE_CENTER * self._small.scale
+        center = rotation @ (WIDE_CENTER if self._wide else SCENE_CENTER) * self._small.scale
         x, y = pane.center
         self._small.place((x - center[0], y - center[1], 1500.0 - center[2]), rotation, True)
         if self.snapshot is not None:
@@ -225,8 +247,8 @@ class Board:
             self.fit()
             return
         base = np.array([0.0, FAR_BELOW, 0.0])
-        eye = base + UPRIGHT @ (np.array([1.9, -1.7, 1.35]) * WORLD_SCALE)
-        target = base + UPRIGHT @ (SCENE_CENTER * WORLD_SCALE)
+        eye = base + UPRIGHT @ (np.array(WIDE_EYE if self._wide else NEAR_EYE) * WORLD_SCALE)
+        target = base + UPRIGHT @ ((WIDE_CENTER if self._wide else SCENE_CENTER) * WORLD_SCALE)
         self.lens.aim(tuple(eye), tuple(target), float(np.radians(42.0)))
         if self.snapshot is not None:
             self._big.update(self.snapshot.poses)

@@ -18,6 +18,7 @@ from typing import Concatenate, ParamSpec
 from vita import commands as c
 from vita.constraints import MIN_LINE_PX
 from vita.snapshot import Snapshot
+from vita.ui.mode import following
 from vita.ui.refusals import HINT_S, Hint, Refusals
 from vita.ui.renames import Renames
 from vita.ui.words import KIND, Kind, placing
@@ -80,6 +81,8 @@ class Composer:
     finished: int = 0
     """Constraints made since the tool was armed."""
     finished_in: str = ""
+    asleep: bool = False
+    """Whether nothing can be composed, because the other mode is in force."""
     renames: Renames = field(default_factory=Renames)
     _names: set[str] = field(default_factory=set)
     _refusals: Refusals = field(default_factory=Refusals)
@@ -129,7 +132,7 @@ class Composer:
         """Take a tool in hand. The tool in hand again puts it away."""
         same = tool == self.tool
         self.put_away()
-        self.tool = SELECT if same else tool
+        self.tool = SELECT if same or self.asleep else tool
         if self.tool != SELECT:
             self.selected = None
 
@@ -147,6 +150,8 @@ class Composer:
     def click(self, snapshot: Snapshot, camera: str, uv: Uv, hit: str | None) -> None:
         """A click at pixel `uv` of `camera`, on the marker `hit` if there is one within reach."""
         self.note, self.hint = "", None
+        if self.asleep:
+            return
         self._refusals.forget(snapshot)
         uv = float(uv[0]), float(uv[1])
         kind = self.kind
@@ -223,6 +228,10 @@ class Composer:
     @_alone
     def reconcile(self, snapshot: Snapshot) -> None:
         """Compare with what the engine made of it; completes the constraint or steps back."""
+        if following(snapshot) and not self.asleep:
+            self.put_away()
+            self.selected = None
+        self.asleep = following(snapshot)
         known = {t.name for t in snapshot.scenario.tracker}
         self._names -= known
         if self.selected is not None and self.selected not in known:

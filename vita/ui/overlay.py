@@ -17,6 +17,7 @@ from vita.ui.compose import Composer
 from vita.ui.constraint_marks import draw_constraint
 from vita.ui.ghost import draw_ghost
 from vita.ui.layout import Cell
+from vita.ui.marker_outlines import draw_markers
 from vita.ui.marks import (
     END_MARK,
     GOAL_MARK,
@@ -29,6 +30,7 @@ from vita.ui.marks import (
     Strokes,
     loop,
 )
+from vita.ui.mode import following
 from vita.ui.tags import Tag
 from vita.ui.trails import Trails
 from vita.ui.words import GREEN, INK, RED, TEAL, WHITE, Rgb, kind_of, quality
@@ -55,6 +57,8 @@ def draw(
     `dragged` holds the points (k, 2) of markers in somebody's hand, `aim` the pixel under the pointer,
     `ghosts` the steps (k, 2, 2) that trackers are expected to make, of all views.
     """
+    if following(snapshot):
+        return draw_markers(camera, cell, snapshot, unit)
     drawing = Drawing(Strokes(), Strokes(), [])
     trackers = {t.name: t for t in snapshot.scenario.tracker if t.camera == camera}
     where = {name: _points(spec, snapshot, dragged) for name, spec in trackers.items()}

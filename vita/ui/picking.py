@@ -18,6 +18,7 @@ from vita.types import Array, frozen
 from vita.ui.compose import SELECT, Composer
 from vita.ui.layout import Layout
 from vita.ui.lens import Lens
+from vita.ui.mode import following
 
 REACH_PX = 10.0
 """How near a click must be to a marker to mean it [screen pixels]."""
@@ -98,7 +99,7 @@ class Picking:
     def _handle_at(self, camera: str, uv: Uv) -> tuple[str, int | None, Array] | None:
         """(name, end of a line or None, points (k, 2)) of the marker nearest to `uv`."""
         snapshot = self._shown.snapshot
-        if snapshot is None or self._shown.layout is None:
+        if snapshot is None or self._shown.layout is None or following(snapshot):
             return None
         reach = self._reach(camera)
         best: tuple[float, str, int | None, Array] | None = None

@@ -15,6 +15,7 @@ from vita.ui.words import INK, PALETTE, Rgb, hexed, kind_of
 SPAN_S = 20.0
 POINTS = 240
 PERIOD_S = 0.2
+Container = viser.GuiTabHandle | viser.GuiFolderHandle
 
 
 class History:
@@ -57,8 +58,14 @@ class History:
 class Plot:
     """One uPlot whose series follow the task; it is made anew only when they change."""
 
-    def __init__(self, gui: viser.GuiApi, container: viser.GuiTabHandle, unit: str) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, container: Container, unit: str,
+        right: tuple[str, tuple[str, ...]] | None = None, dashed: tuple[str, ...] = (),
+    ) -> None:
+        """`right`: a unit, and the series that are read off an axis of their own at the right; `dashed`:
+        series that are drawn so."""
         self._gui, self._container, self._unit = gui, container, unit
+        self._right, self._dashed = right, dashed
         with container:
             gui.add_html(style.PLOTS_MARK)
         self._history = History()
@@ -85,20 +92,27 @@ class Plot:
             return
         series = [uplot.Series(label="s")]
         for index, (name, color) in enumerate(self._names):
-            series.append(
-                uplot.Series(label=name, stroke=hexed(color), width=2.2 if index == 0 else 1.4)
+            look = uplot.Series(label=name, stroke=hexed(color), width=2.2 if index == 0 else 1.4)
+            if self._right is not None and name in self._right[1]:
+                look["scale"] = "right"
+            if name in self._dashed:
+                look["dash"], look["width"] = (5.0, 4.0), 2.2
+            series.append(look)
+        scales = {
+            "x": uplot.Scale(time=False, auto=False, range=(-SPAN_S, 0.0)), "y": uplot.Scale(auto=True)
+        }
+        axes = [
+            uplot.Axis(size=36, space=60),  # type: ignore
+            uplot.Axis(size=46, label=self._unit, labelSize=16, space=26),
+        ]
+        if self._right is not None:
+            scales["right"] = uplot.Scale(auto=True)
+            axes.append(
+                uplot.Axis(scale="right", side=1, size=40, label=self._right[0], labelSize=16, space=26)
             )
         with self._container:
             self._handle = self._gui.add_uplot(
-                data, tuple(series),
-                scales={
-                    "x": uplot.Scale(time=False, auto=False, range=(-SPAN_S, 0.0)),
-                    "y": uplot.Scale(auto=True),
-                },
-                axes=(
-                    uplot.Axis(size=36, space=60),  # type: ignore
-                    uplot.Axis(size=46, label=self._unit, labelSize=16, space=26),
-                ),
+                data, tuple(series), scales=scales, axes=tuple(axes),
                 legend=uplot.Legend(show=True, live=False), height=124, padding=(8, 12, 0, 0),
             )
 
@@ -106,9 +120,10 @@ class Plot:
 class Plots:
     """The plots of the panel below the task: error and joints."""
 
-    def __init__(self, gui: viser.GuiApi, panel: viser.PanelHandle) -> None:
-        self._error = Plot(gui, panel.add_tab("Error", viser.Icon.CHART_LINE), "px")
-        self._joints = Plot(gui, panel.add_tab("Joints", viser.Icon.ROBOT), "deg")
+    def __init__(self, gui: viser.GuiApi, error: Container, joints: viser.GuiTabHandle) -> None:
+        self.joints_tab = joints
+        self._error = Plot(gui, error, "px")
+        self._joints = Plot(gui, joints, "deg")
         self._drawn_at = 0.0
 
     def update(self, snapshot: Snapshot, now: float) -> None:

@@ -55,6 +55,20 @@ display:flex;justify-content:space-between}
 .vita .keys{font-size:11.5px}
 .vita .take{color:#fff;background:#16a34a;border-radius:6px;padding:1px 9px;font-weight:600;
 display:inline-block;margin-top:3px}
+.vita.mode{display:flex;gap:2px;background:#e9edf2;border-radius:8px;padding:2px;margin-bottom:6px}
+.vita.mode .half{flex:1;text-align:center;border-radius:6px;padding:1px 6px;font-size:12.5px;font-weight:600;
+color:#475467;white-space:nowrap}
+.vita.mode .half.on{background:#0d766e;color:#fff;cursor:default}
+.vita.mode.off .half:not(.on){color:#98a2b3;cursor:not-allowed}
+.vita .steps{display:flex;gap:4px;margin-bottom:5px}
+.vita .steps span{flex:1;text-align:center;border-radius:6px;background:#eef1f5;color:#667085;font-size:12px;
+font-weight:600;padding:1px 0}
+.vita .steps .past{background:#dff3ef;color:#0d766e}
+.vita .steps .now{background:#0d766e;color:#fff}
+.vita .facts{display:grid;grid-template-columns:82px 84px 1fr;gap:1px 8px;font-size:12.5px}
+.vita .facts span{color:#667085}
+.vita .facts b{font-weight:600;white-space:nowrap}
+.vita .facts .wide{grid-column:2 / 4;overflow:hidden;text-overflow:ellipsis}
 .vita .gauges{display:grid;gap:3px}
 .vita .gauge{display:grid;grid-template-columns:82px 1fr 84px 84px;align-items:center;gap:8px;
 font-size:12px;line-height:1.3;cursor:help}
@@ -75,7 +89,7 @@ font-size:10.5px;font-style:normal;font-weight:700;line-height:15px;text-align:c
 """
 
 HEIGHTS = f"""
-div:has(> [data-dock-leaf] #vita-run){{flex:0 0 175px!important}}
+div:has(> [data-dock-leaf] #vita-run){{flex:0 0 207px!important}}
 div:has(> [data-dock-leaf] span.vita-tabs){{flex-grow:1!important}}
 div:has(> [data-dock-leaf] span.vita-plots){{flex:0 0 clamp(184px,25vh,260px)!important}}
 [data-dock-region-handle]{{height:10px!important}}

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import viser
 import viser.transforms as vtf
 
 from vita.scenario.schema import CameraSpec
+from vita.snapshot import Snapshot
 from vita.types import Array, Visual
+from vita.ui.forces3d import Forces3D
 from vita.ui.ghost_arm import GhostArm
 from vita.ui.mesh import Mesh
 from vita.ui.words import TEAL
@@ -36,13 +39,15 @@ class World3D:
     Every mesh is a node of its own that is created once; a new pose only moves it.
     """
 
-    def __init__(self, scene: viser.SceneApi, root: str, scale: float) -> None:
+    def __init__(self, scene: viser.SceneApi, root: str, scale: float, labels: bool = False) -> None:
+        """`labels`: whether it is drawn so large that words fit in."""
         self._scene, self._root, self.scale = scene, root, scale
         self._frame = scene.add_frame(root, show_axes=False, visible=False)
         self._bodies: dict[str, list[viser.SceneNodeHandle]] = {}
         self._cameras: dict[str, list[viser.SceneNodeHandle]] = {}
         self._last: dict[str, Array] = {}
-        self._ghost = GhostArm(scene)
+        self._ghost, self._forces = GhostArm(scene), Forces3D(scene, labels)
+        self._at, self._rotation = np.zeros(3), np.eye(3)
         self.revision = -1
 
     def place(self, position: Sequence[float], rotation: np.ndarray, visible: bool) -> None:
@@ -50,6 +55,15 @@ class World3D:
         self._frame.position = tuple(float(p) for p in position)  # type: ignore
         self._frame.wxyz = vtf.SO3.from_matrix(rotation).wxyz
         self._frame.visible = visible
+        self._at, self._rotation = np.array(position, float), np.array(rotation, float)
+
+    def metres(self, board: Sequence[float]) -> Array:
+        """(3,) where a place of the board (x, y, z) is in the scene [m]; the inverse of the drawing."""
+        return self._rotation.T @ (np.asarray(board, float) - self._at) / self.scale
+
+    def nodes(self, body: str) -> list[Any]:
+        """The meshes of a body."""
+        return list(self._bodies.get(body, ()))
 
     def rescale(self, scale: float) -> None:
         """Draw at another size: meshes take a scale, positions follow with the next update."""
@@ -61,6 +75,7 @@ class World3D:
                 if hasattr(node, "scale"):
                     node.scale = scale * (0.09 if "/cam/" in node.name else 1.0)  # type: ignore
         self._ghost.rescale(scale)
+        self._forces.rescale(scale)
         self._last.clear()
 
     def build(self, meshes: Sequence[Mesh], cameras: Sequence[CameraSpec], revision: int) -> None:
@@ -72,6 +87,7 @@ class World3D:
         # New names, because a browser would show a node of an old name at the old node's pose.
         root = f"{self._root}/rig{revision}"
         self._ghost.build(f"{root}/ghost", meshes, self.scale)
+        self._forces.build(f"{root}/forces", self.scale)
         for index, mesh in enumerate(meshes):
             node = self._mesh(f"{root}/body/{index}", mesh)
             self._bodies.setdefault(mesh.body, []).append(node)
@@ -106,6 +122,10 @@ class World3D:
     def foresee(self, ghost: Mapping[str, Array], poses: Mapping[str, Array]) -> None:
         """Show the arm as it is expected to be after the next step; hidden when there is nothing to show."""
         self._ghost.update(ghost, poses)
+
+    def feel(self, snapshot: Snapshot, shown: bool) -> None:
+        """Show what the stereo-impedance mode knows and does; nothing in the other mode."""
+        self._forces.update(snapshot, shown)
 
     def _mesh(self, name: str, mesh: Mesh) -> viser.SceneNodeHandle:
         visual = mesh.visual

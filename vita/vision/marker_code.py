@@ -7,7 +7,7 @@ from functools import cache
 import cv2
 import numpy as np
 
-from vita.types import Array
+from vita.types import Array, frozen
 from vita.vision.images import Crop
 
 # Long codes come first: a coarse family reads a fine code by chance once in twenty, hardly ever the
@@ -60,6 +60,8 @@ class Code:
         wanted = cells.astype(np.float64).ravel()
         wanted -= wanted.mean()
         self._wanted = wanted / np.linalg.norm(wanted)
+        self.pattern = frozen(self._wanted.reshape(self.across, self.across))
+        """(across, across) black and white of the cells, top row first, of zero mean and unit length."""
 
     def likeness(self, crop: Crop, plane: Array) -> tuple[float, int]:
         """How well the cells seen through `plane` (the square to the image) agree with the code.

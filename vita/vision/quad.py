@@ -3,6 +3,9 @@
 A corner is where two sides meet. Each side has tens of edge points, so their lines are known far
 better than the few pixels at the corner itself would tell, and a corner that is a little worn or
 covered does no harm.
+
+The four sides are sampled and fitted at once, and within this file a pixel is one complex number, column +
+i row: arrays so small cost by the number of operations, not by their size.
 """
 
 from __future__ import annotations
@@ -14,11 +17,16 @@ from numpy.typing import NDArray
 from vita.types import Array
 from vita.vision.images import Crop, Gray
 
+Pixels = NDArray[np.complex128]
+
 _ALONG = np.linspace(0.07, 0.93, 22)
 """Where along each side the edge is looked for; the ends belong to the corners."""
 _STEP = 0.5
 """Distance of the samples across a side [px]."""
 _TUKEY = 4.0
+AS_EXPECTED_PX, SETTLED_PX = 0.5, 0.02
+_NEXT, _BEFORE, _EACH = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2]), np.arange(4)
+_POWERS = _ALONG[:, None] ** np.arange(3)
 
 
 def refined(crop: Crop, corners: Array, cell: float) -> Array | None:
@@ -28,88 +36,99 @@ def refined(crop: Crop, corners: Array, cell: float) -> Array | None:
     is printed inside does not pull.
     """
     image = crop.blurred(0.6)
-    half = float(np.clip(0.42 * cell, 1.5, 4.0))
-    now, extra = corners, 1.0
-    for _ in range(4):
-        lines = _sides(image, now - crop.origin, half + extra)
-        if lines is None:
+    half, furthest = min(max(0.42 * cell, 1.5), 4.0), max(3.0, 0.8 * cell)
+    start = np.ascontiguousarray(corners - crop.origin, np.float64).view(np.complex128)[:, 0]
+    now, extra = start, 0.0
+    for attempt in range(5):
+        found = _corners(image, now, half + extra)
+        moved = np.inf if found is None else _largest(found - now)
+        if attempt == 0 and not moved < AS_EXPECTED_PX:
+            extra = 1.0
+            continue
+        # Written so that what is not a number is refused as well.
+        if found is None or not _largest(found - start) <= furthest:
             return None
-        before, now = now, _meetings(lines) + crop.origin
-        if not np.isfinite(now).all() or np.abs(now - corners).max() > max(3.0, 0.8 * cell):
-            return None
-        moved = np.abs(now - before).max()
-        if extra == 0.0 and moved < 0.1:
+        now = found
+        if extra == 0.0 and moved < SETTLED_PX:
             break
-        # Once near, the narrowest window sees the whole edge and least of what is beside it.
         extra = 0.0 if moved < 1.0 else 0.5
-    return now
+    return now.view(np.float64).reshape(4, 2) + crop.origin
 
 
-def _sides(image: Gray, corners: Array, half: float) -> Array | None:
-    """(4, 3) lines n.x = c of the sides, as rows (n_u, n_v, c), n of any length; None without clear edges."""
-    ends = np.roll(corners, -1, axis=0)
-    run = ends - corners
-    length = np.linalg.norm(run, axis=1)
+def _largest(way: Pixels) -> float:
+    """Largest number of columns or rows in (4,) ways."""
+    return float(np.abs(way.view(np.float64)).max())
+
+
+def _corners(image: Gray, corners: Pixels, half: float) -> Pixels | None:
+    """(4,) where the sides meet that are seen within `half` [px] of those of `corners`; None if not clear."""
+    run = corners[_NEXT] - corners
+    length = np.abs(run)
     if length.min() < 6:
         return None
-    outward = np.stack([run[:, 1], -run[:, 0]], axis=1) / length[:, None]
+    outward = run / length * -1j
     across = np.arange(-half, half + 1e-6, _STEP)
-    points = corners[:, None] + _ALONG[None, :, None] * run[:, None]  # side, along, uv
-    places = points[:, :, None] + across[None, None, :, None] * outward[:, None, None]
+    edge = corners[:, None] + run[:, None] * _ALONG
+    places = (edge + across[:, None, None] * outward[:, None]).astype(np.complex64)
+    # From here on the last two axes are the side and the place along it; the first of three is across.
     values = _sampled(image, places)
-    rise = np.maximum(np.diff(values, axis=2), 0.0)
-    rise = np.maximum(rise - 0.1 * rise.max(axis=2, keepdims=True), 0.0)
-    total = rise.sum(axis=2)
-    middle = 0.5 * (across[1:] + across[:-1])
-    offset = (rise @ middle) / (total + 1e-9)
-    clear = total > max(4.0, 0.35 * float(np.median(total)))
-    height, width = image.shape
-    tips = places[:, :, (0, -1)]
-    clear &= np.all((tips >= 0) & (tips <= (width - 1, height - 1)), axis=(2, 3))
+    rise = np.maximum(values[1:] - values[:-1], 0.0)
+    rise = np.maximum(rise - 0.1 * rise.max(axis=0), 0.0)
+    total = rise.sum(axis=0)
+    middle = across[1:] - 0.5 * _STEP
+    offset = (middle @ rise.reshape(middle.size, -1)).reshape(total.shape) / (total + 1e-9)
+    usual = float(np.partition(total, total.size // 2, axis=None)[total.size // 2])
+    clear = (total > max(4.0, 0.35 * usual)) & _inside(image, places[(0, -1),]).all(axis=0)
     if clear.sum(axis=1).min() < 8:
         return None
-    tilt, shift = _lines(offset, clear)
-    a = corners + shift[:, None] * outward
-    b = ends + (shift + tilt)[:, None] * outward
-    normals = np.stack([b[:, 1] - a[:, 1], a[:, 0] - b[:, 0]], axis=1)
-    return np.column_stack([normals, (normals * a).sum(axis=1)])
+    shift, tilt = _lines(offset, clear)
+    return _meetings(corners + shift * outward, run + tilt * outward)
 
 
-def _sampled(image: Gray, places: Array) -> Array:
-    """Values of `image` at (..., 2) pixels, bilinear."""
-    flat = places.reshape(places.shape[0], -1, 2).astype(np.float32)
+def _sampled(image: Gray, places: NDArray[np.complex64]) -> Array:
+    """Values of `image` at (across, side, along) pixels, bilinear."""
+    flat = places.view(np.float32).reshape(places.shape[0], -1, 2)
     mapped = cv2.remap(image, flat, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
-    return np.asarray(mapped, np.float64).reshape(places.shape[:-1])
+    return np.asarray(mapped, np.float64).reshape(places.shape)
+
+
+def _inside(image: Gray, places: NDArray[np.complex64]) -> NDArray[np.bool_]:
+    """Which of some pixels lie in the picture."""
+    height, width = image.shape
+    u, v = places.real, places.imag
+    return (u >= 0) & (v >= 0) & (u <= width - 1) & (v <= height - 1)
 
 
 def _lines(offset: Array, clear: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Slope and intercept (4,) of each side's `offset` (4, k) along it, weighted against outliers (Tukey)."""
-    slope, shift = np.zeros(4), np.zeros(4)
-    for k in range(3):
-        residual = offset - slope[:, None] * _ALONG - shift[:, None] if k else offset - _middle(offset, clear)
-        scale = np.maximum(1.4826 * _middle(np.abs(residual), clear), 0.05)
-        weights = clear * np.square(np.maximum(0.0, 1.0 - np.square(residual / (_TUKEY * scale))))
-        total = weights.sum(axis=1) + 1e-12
-        t, x = weights @ _ALONG / total, (weights * offset).sum(axis=1) / total
-        away = weights * (_ALONG - t[:, None])
-        slope = (away * (offset - x[:, None])).sum(axis=1) / (
-            (away * (_ALONG - t[:, None])).sum(axis=1) + 1e-12
-        )
-        shift = x - slope * t
-    return slope, shift
+    """Intercept and slope (4,) of each side's `offset` (4, k) along it, weighted against outliers (Tukey)."""
+    hidden, half = np.where(clear, 0.0, np.inf), clear.sum(axis=1) // 2
+    away = offset - np.sort(offset + hidden, axis=1)[_EACH, half, None]
+    for _ in range(3):
+        away = np.abs(away) + hidden
+        usual = np.sort(away, axis=1)[_EACH, half, None]
+        reach = np.maximum(1.4826 * _TUKEY * usual, 0.05 * _TUKEY)
+        weights = np.square(np.maximum(1.0 - np.square(away / reach), 0.0))
+        sums = zip((weights @ _POWERS).tolist(), ((weights * offset) @ _POWERS).tolist(), strict=True)
+        lines = np.array([_line(*side) for side in sums])
+        away = offset - lines @ _POWERS.T[:2]
+    return lines[:, 0], lines[:, 1]
 
 
-def _middle(values: Array, clear: NDArray[np.bool_]) -> Array:
-    """(4, 1) medians of the rows over their clear entries."""
-    ordered = np.sort(np.where(clear, values, np.inf), axis=1)
-    return np.take_along_axis(ordered, clear.sum(axis=1, keepdims=True) // 2, axis=1)
+def _line(weights: list[float], values: list[float]) -> tuple[float, float]:
+    """Intercept and slope, from the sums of 1, t, t^2 and of x, t x, t^2 x."""
+    (one, t, tt), (x, tx, _) = weights, values
+    slope = (one * tx - t * x) / (one * tt - t * t)
+    return (x - slope * t) / one, slope
 
 
-def _meetings(lines: Array) -> Array:
-    """(4, 2) where each side meets the one before it: corner k lies between sides k - 1 and k."""
-    before = np.roll(lines, 1, axis=0)
+def _meetings(point: Pixels, way: Pixels) -> Pixels:
+    """(4,) where each side, by a point of it and a way along it, meets the one before it."""
+    before = way[_BEFORE]
     with np.errstate(divide="ignore", invalid="ignore"):
-        det = before[:, 0] * lines[:, 1] - before[:, 1] * lines[:, 0]
-        u = (before[:, 2] * lines[:, 1] - lines[:, 2] * before[:, 1]) / det
-        v = (before[:, 0] * lines[:, 2] - lines[:, 0] * before[:, 2]) / det
-    return np.stack([u, v], axis=1)
+        far = _cross(before, point[_BEFORE] - point) / _cross(before, way)
+        return point + far * way
+
+
+def _cross(a: Pixels, b: Pixels) -> Array:
+    """(4,) parallelogram that two ways span, positive when `b` is clockwise of `a` as seen."""
+    return (a.conj() * b).imag

@@ -2,6 +2,7 @@
 
 from vita.ui.panels.base import Desk, Panel
 from vita.ui.panels.files import FilesPanel
+from vita.ui.panels.impedance import StereoPanel, TuningPanel
 from vita.ui.panels.knowledge import KnowledgePanel
 from vita.ui.panels.run import RunPanel
 from vita.ui.panels.servo import ServoPanel
@@ -15,6 +16,8 @@ __all__ = [
     "Panel",
     "RunPanel",
     "ServoPanel",
+    "StereoPanel",
     "TaskPanel",
+    "TuningPanel",
     "ViewPanel",
 ]

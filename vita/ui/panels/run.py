@@ -11,9 +11,11 @@ import viser
 from vita import commands as c
 from vita.snapshot import Snapshot
 from vita.types import MOVING_STATES
-from vita.ui import style
+from vita.ui import impedance_words, style
 from vita.ui.findings import verdict
+from vita.ui.mode import following
 from vita.ui.panels.base import Desk, Html
+from vita.ui.panels.mode_switch import ModeSwitch
 from vita.ui.words import CHIP, DEGRADED, GREEN, RED, explain, hexed, pixels, safe
 
 SPACE_GUARD_S = 0.5
@@ -54,6 +56,7 @@ class RunPanel:
         self._stopped_at = -10.0
         gui = desk.gui
         self._sheet = Html(gui)
+        self._mode = ModeSwitch(desk)
         self._status = Html(gui)
         self._start = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY, hint="Start (Space)")
         self._stop = gui.add_button(
@@ -66,6 +69,7 @@ class RunPanel:
             style.sheet(
                 style.BASE, style.HEIGHTS, style.side_by_side((self._start, self._stop), 2),
                 style.big(self._start, GREEN), style.big(self._stop, RED), style.hidden((self._switch,)),
+                self._mode.css(),
             )
         )
         self._start.on_click(desk.guard(lambda event: self.start(from_button=True)))
@@ -100,19 +104,18 @@ class RunPanel:
 
     def update(self, snapshot: Snapshot) -> None:
         state, scenario = snapshot.status.state, snapshot.scenario
+        self._mode.update(snapshot)
         text, color = DEGRADED if snapshot.status.degraded else CHIP.get(state, (state, RED))
-        reason = explain(
-            snapshot.status, len(scenario.tracker), len(scenario.constraint), snapshot.progress
-        )
-        if state == "idle" and not snapshot.status.message:
-            reason = warned(snapshot) or reason
-        if state == "idle" and self._desk.composer.kind is not None and not scenario.constraint:
-            reason = "Composing: the next click is named below."
-        error = ""
-        if scenario.constraint:
-            error = f'<span class="num dim">error <b class="ink">{pixels(snapshot.error.norm)}</b></span>'
+        if following(snapshot):
+            text, color = impedance_words.chip(snapshot) or CHIP.get(state, (state, RED))
+        reason, figure = self._reason(snapshot), ""
+        if following(snapshot):
+            figure = impedance_words.errors(snapshot.impedance)
+        elif scenario.constraint:
+            figure = pixels(snapshot.error.norm)
+        error = f'<span class="num dim">error <b class="ink">{figure}</b></span>' if figure else ""
         extra = ""
-        if snapshot.progress and snapshot.status.message:
+        if snapshot.progress and snapshot.status.message and not following(snapshot):
             extra = f'<div class="dim">{safe(snapshot.progress)}</div>'
         self._status.show(
             f'<div class="vita" id="vita-run"><div class="row">'
@@ -128,6 +131,21 @@ class RunPanel:
         label = START_LABELS.get(state, "Start")
         if self._start.label != label:
             self._start.label = label
-        ready = state in START_LABELS or (bool(scenario.constraint) and state not in MOVING_STATES)
+        task = following(snapshot) or bool(scenario.constraint)
+        ready = state in START_LABELS or (task and state not in MOVING_STATES)
         if self._start.disabled == ready:
             self._start.disabled = not ready
+
+    def _reason(self, snapshot: Snapshot) -> str:
+        """The sentence under the chip."""
+        if following(snapshot):
+            return impedance_words.explain(snapshot)
+        state, scenario = snapshot.status.state, snapshot.scenario
+        if state == "idle" and self._desk.composer.kind is not None and not scenario.constraint:
+            return "Composing: the next click is named below."
+        reason = explain(
+            snapshot.status, len(scenario.tracker), len(scenario.constraint), snapshot.progress
+        )
+        if state == "idle" and not snapshot.status.message:
+            reason = warned(snapshot) or reason
+        return reason

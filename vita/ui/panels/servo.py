@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import Field, fields
 from typing import Any
 
@@ -16,6 +15,7 @@ from vita.types import Joint
 from vita.ui import style
 from vita.ui.panels.base import Desk, Html
 from vita.ui.panels.choices import Choice
+from vita.ui.panels.settings import Numbers
 from vita.ui.safe import number
 
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -46,7 +46,8 @@ class ServoPanel:
         self._desk = desk
         gui = desk.gui
         Html(gui, style.TABS_MARK)
-        self._inputs: dict[tuple[str, str], Any] = {}
+        self._numbers = Numbers(desk)
+        self._inputs = self._numbers.inputs
         self._choices: dict[str, Choice] = {}
         settings = {f.name: f for f in fields(ServoConfig) if f.metadata}
         grouped = {name for names in GROUPS.values() for name in names}
@@ -57,7 +58,7 @@ class ServoPanel:
                     self._servo_setting(settings[name])
         with gui.add_folder("Speed", expand_by_default=False):
             for field in fields(Limits):
-                self._number("limits", field, lambda field, value: c.SetLimits(field, value))
+                self._numbers.add("limits", field, c.SetLimits)
         self._joint_folder = gui.add_folder("Joints")
         self._joint_rows: list[_JointRow] = []
 
@@ -65,10 +66,8 @@ class ServoPanel:
         servo = snapshot.scenario.servo
         for field, choice in self._choices.items():
             choice.show(getattr(servo, field))
+        self._numbers.show(snapshot.scenario)
         for (group, field), handle in self._inputs.items():
-            value = float(getattr(getattr(snapshot.scenario, group), field))
-            if abs(float(handle.value) - value) > 1e-9:
-                handle.value = value
             shown = group != "servo" or applies(field, servo)
             if handle.visible != shown:
                 handle.visible = shown
@@ -86,36 +85,7 @@ class ServoPanel:
         if "choices" in field.metadata:
             self._choices[field.name] = Choice(self._desk, field)
         else:
-            self._number("servo", field, lambda field, value: c.SetServo(field, value))
-
-    def _number(self, group: str, field: Field[Any], command: Callable[[str, float], object]) -> None:
-        """A slider, or a number field where the range is too wide for one."""
-        meta = field.metadata
-        if "low" not in meta:
-            return
-        unit = f" [{meta['unit']}]" if meta["unit"] else ""
-        span = f"{meta['low']:g} to {meta['high']:g} {meta['unit']}".strip()
-        hint = f"{meta['doc']} {span}."
-        low, high, start = float(meta["low"]), float(meta["high"]), float(field.default)  # type: ignore
-        label = meta["label"] + unit
-        if high / max(low, 1e-3) > 5000 or high > 100:
-            handle = self._desk.gui.add_number(
-                label, start, min=low, max=high, step=_step(start or (high - low) / 10), hint=hint
-            )
-        else:
-            handle = self._desk.gui.add_slider(
-                label, min=low, max=high, step=_step(high - low) / 10, initial_value=start, hint=hint
-            )
-        handle.on_update(self._desk.guard(self._setter(field.name, low, high, command)))
-        self._inputs[group, field.name] = handle
-
-    def _setter(
-        self, name: str, low: float, high: float, command: Callable[[str, float], object]
-    ) -> Callable[[Any], None]:
-        def changed(event: Any) -> None:
-            self._desk.submit(command(name, number(event.target.value, low, high, name)))
-
-        return changed
+            self._numbers.add("servo", field, c.SetServo)
 
 
 class _JointRow:
@@ -173,8 +143,3 @@ class _JointRow:
     def _sped(self, event: Any) -> None:
         value = number(event.target.value, 0.01, 3.0, "speed")
         self._desk.submit(c.SetJointLimit(self._index, speed_rad_s=value))
-
-
-def _step(span: float) -> float:
-    """A round step of about a tenth of `span`."""
-    return float(10.0 ** np.floor(np.log10(max(span, 1e-6) / 5.0)))

@@ -10,6 +10,7 @@ import viser
 
 from vita.snapshot import Snapshot
 from vita.ui import style
+from vita.ui.mode import following
 from vita.ui.panels.base import Desk, Html
 from vita.ui.safe import number
 from vita.ui.words import safe
@@ -26,12 +27,14 @@ class Display:
     fps: float = 15.0
     pane: bool = True
     foresee: bool = True
+    forces: bool = True
 
 
 class ViewPanel:
     def __init__(
         self, desk: Desk, display: Display, encoder: Encoder, actions: Actions,
         set_pane: Callable[[bool], None], set_foresee: Callable[[bool], None],
+        set_forces: Callable[[bool], None],
     ) -> None:
         gui, guard = desk.gui, desk.guard
         self._display, self._encoder = display, encoder
@@ -50,6 +53,12 @@ class ViewPanel:
             hint="While the arm moves: where the features, and the arm, are expected after the next step.",
         )
         step.on_update(guard(lambda event: set_foresee(bool(event.target.value))))
+        forces = gui.add_checkbox(
+            "Forces and what the cameras say", True, visible=False,
+            hint="In 3D: the virtual mass with its forces, and tool, target and cameras as they are seen.",
+        )
+        forces.on_update(guard(lambda event: set_forces(bool(event.target.value))))
+        self._step, self._forces = step, forces
         fps = gui.add_slider(
             "Pictures [Hz]", min=1, max=30, step=1, initial_value=int(display.fps),
             hint="How often the page shows new pictures. The servo's own rate is not touched.",
@@ -60,6 +69,9 @@ class ViewPanel:
         self._phases = Html(gui)
 
     def update(self, snapshot: Snapshot) -> None:
+        for handle, shown in ((self._step, not following(snapshot)), (self._forces, following(snapshot))):
+            if handle.visible != shown:
+                handle.visible = shown
         rows = "".join(
             f'<div class="item"><span class="grow">{safe(name)}</span>'
             f'<span class="num">{ms:.1f} ms</span></div>'
