@@ -16,7 +16,7 @@ ALONE = (
     "test_runner",
     "test_track_stop",
 )
-"""They run in real time against a clock, or draw in a browser: beside others they would measure the machine."""
+"""They run in real time or draw in a browser: beside others they would measure the machine."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -372,7 +372,8 @@ def test_a_shipped_scenario_runs_the_same_twice(tmp_path: Path) -> None:
 def test_the_readme_has_the_two_marked_commands_on_one_line_each() -> None:
     """`.ci/run` takes its test command from there."""
     readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
-    for mark, end in (("app", ".venv/bin/vita"), ("test", ".venv/bin/pytest")):
+    tests = " && .venv/bin/pytest -n 2 -m 'not alone' && .venv/bin/pytest -m alone"
+    for mark, end in (("app", " && .venv/bin/vita"), ("test", tests)):
         block = readme.partition(f"<!-- command: {mark} -->")[2].partition("```")[2].partition("```")[0]
         (_, line, _) = block.split("\n")
         assert line.startswith("python3 -m venv .venv && .venv/bin/pip install") and line.endswith(end)

@@ -128,7 +128,7 @@ def _bend(arm: ArmModel, frames: Array) -> float:
 
 # ---- random obstacles ----------------------------------------------------------------------------------
 
-CROSS_S = 5.5
+CROSS_S = 4.5
 """When the sphere sets out [s]."""
 
 
@@ -169,7 +169,7 @@ def _crossing(robot_name: str, seed: int) -> Crossing:
         return [] if not -lead <= gone <= lead + 0.1 else [Capsule("ball", place, place, radius)]
 
     truth = Truth(standing(home(arm, q0)), standing(looking((1.75, 0.0, 0.65), (0.55, 0.0, 0.35))), obstacles)
-    seconds = CROSS_S + (2 * lead + 0.1) / speed + 4.0
+    seconds = CROSS_S + (2 * lead + 0.1) / speed + 2.5
     world = StereoWorld(arm, q0, truth, replace(CONFIG), sigma_px=SIGMA_PX, seed=seed)
     run = record(world, seconds, "crossing", robot_name)
     return Crossing(

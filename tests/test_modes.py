@@ -1,0 +1,113 @@
+"""The engine in its second mode, on rendered pictures: what it takes, what it refuses, what stops it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import vita
+from vita import commands as cmd
+from vita.engine import Engine
+from vita.errors import BadInput, NotNow, UnknownName
+from vita.scenario.toml_io import dumps, loads
+from vita.sim.lockstep import LockstepRig
+
+SCENARIO = vita.load("reach_marker")
+
+
+@pytest.fixture(scope="module")
+def rig() -> Iterator[LockstepRig]:
+    with LockstepRig(SCENARIO) as rig:
+        yield rig
+
+
+@pytest.fixture
+def engine(rig: LockstepRig) -> Engine:
+    rig.release()
+    rig.hard_reset(rig.observe().q)
+    return Engine(rig, SCENARIO)
+
+
+def ticks(engine: Engine, count: int) -> None:
+    for _ in range(count):
+        engine.tick()
+
+
+def test_a_mode_that_does_not_exist_is_refused_with_the_choices(engine: Engine) -> None:
+    with pytest.raises(UnknownName, match="uvs, impedance"):
+        engine.apply(cmd.SetMode("stereo"))
+    assert engine.present().mode == "impedance"
+
+
+def test_the_mode_is_changed_at_rest_only_and_saved_with_the_task(engine: Engine) -> None:
+    engine.apply(cmd.SetMode("uvs"))
+    assert engine.following is None and engine.tick().scenario.mode == "uvs"
+    engine.apply(cmd.SetMode("impedance"))
+    engine.apply(cmd.SetImpedance("stiffness", 60.0))
+    saved = loads(dumps(engine.present()))
+    assert saved.mode == "impedance" and saved.impedance.stiffness == 60.0
+    engine.apply(cmd.Start())
+    engine.tick()
+    assert engine.moving
+    with pytest.raises(NotNow, match="stop the arm"):
+        engine.apply(cmd.SetMode("uvs"))
+    with pytest.raises(NotNow, match="stop the arm"):
+        engine.apply(cmd.SetImpedance("target_marker", 9))
+
+
+def test_settings_that_could_hold_nothing_off_are_refused_and_nothing_changes(engine: Engine) -> None:
+    with pytest.raises(BadInput, match=r"impedance\.\w+"):
+        engine.apply(cmd.SetImpedance("push_n", 0.1))
+    with pytest.raises(BadInput, match="outside"):
+        engine.apply(cmd.SetImpedance("damping", -1.0))
+    with pytest.raises(UnknownName, match="stiffness"):
+        engine.apply(cmd.SetImpedance("stifness", 1.0))
+    assert engine.present().impedance == SCENARIO.impedance
+
+
+def test_a_camera_that_is_not_there_is_named() -> None:
+    with pytest.raises(BadInput, match=r"impedance\.left.*'middle'|'middle'.*left, right"):
+        loads(dumps(SCENARIO).replace("[impedance]", '[impedance]\nleft = "middle"'))
+
+
+def test_tuning_while_it_moves_is_in_force_from_the_next_period_on(engine: Engine) -> None:
+    engine.apply(cmd.Start())
+    ticks(engine, 3)
+    engine.apply(cmd.SetImpedance("top_speed", 0.05))
+    snapshot = engine.tick()
+    assert engine.moving and snapshot.scenario.impedance.top_speed == 0.05
+    following = engine.following
+    assert following is not None and following.controller.impedance.config.top_speed == 0.05
+
+
+def test_stop_ends_the_motion_within_one_period(engine: Engine) -> None:
+    engine.apply(cmd.Start())
+    ticks(engine, 30)
+    assert engine.moving and engine.last_step is not None
+    engine.apply(cmd.Halt())
+    assert engine.last_step is None and engine.status.reason == "stopped_by_user"
+    ticks(engine, 10)
+    q = engine.tick().q
+    assert np.array_equal(engine.tick().q, q)
+
+
+def test_a_camera_that_repeats_itself_holds_the_arm_and_is_named(engine: Engine) -> None:
+    engine.apply(cmd.Start())
+    ticks(engine, 30)
+    engine.apply(cmd.Perform("freeze_camera", {"camera": "right", "for_s": 1.0}))
+    ticks(engine, 6)
+    assert engine.status.state == "hold" and engine.status.reason == "frozen_feed"
+    assert "'right'" in engine.status.message
+    engine.apply(cmd.Perform("unfreeze_camera", {"camera": "right"}))
+
+
+def test_the_check_says_what_each_camera_sees_and_whether_the_goal_is_in_reach() -> None:
+    from vita.scenario.checkup import check_up
+
+    found = check_up(SCENARIO)
+    codes = [finding.code for finding in found.findings]
+    assert codes.count("marker_seen") == 4 and "reachable" in codes
+    far = loads(dumps(SCENARIO).replace("xyz = [0.6, -0.16, 0.26]", "xyz = [0.9, -0.16, 0.9]"))
+    assert "out_of_reach" in [finding.code for finding in check_up(far).findings]
