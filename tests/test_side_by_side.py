@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vita.experiments.side_by_side import (
+from vita.experiments.side_by_side import checks, told
+from vita.experiments.side_by_side_found import (
     BOTH,
     CARRIED,
     EYE,
@@ -16,17 +17,26 @@ from vita.experiments.side_by_side import (
     MOVED,
     SPHERE,
     Found,
-    checks,
     methods_at,
     source,
-    told,
 )
 from vita.experiments.side_by_side_methods import METHODS, Blind, Calibrated, Learning, TaughtLearning, Uvs
 from vita.experiments.side_by_side_runs import Reach, run
-from vita.experiments.side_by_side_tasks import FAR_M, NEAR_M, TROUBLES, Carried, Tripod, clearance, draw
+from vita.experiments.side_by_side_tasks import (
+    FAR_M,
+    NEAR_M,
+    T_TOOL_MARKER,
+    TROUBLES,
+    Carried,
+    Tripod,
+    clearance,
+    draw,
+)
 from vita.experiments.stereo_cases import robot
 from vita.impedance.inverse import solve
+from vita.impedance.perception import placed
 from vita.stereo.rotations import angle_between
+from vita.vision.marker_pose import marker_pose
 
 NONE, WRONG = TROUBLES["none"], TROUBLES[BOTH]
 
@@ -85,6 +95,11 @@ def test_what_is_taught_through_right_cameras_is_the_drawing_and_through_wrong_o
     assert np.linalg.norm(np.subtract(wrong.offset_xyz, drawn.offset_xyz)) > 3e-3
     world = TaughtLearning(task, TROUBLES[FOCAL])
     assert world.controller.config.offset_xyz == wrong.offset_xyz
+    # Seen through the same cameras, the goal is where the tool was seen.
+    seen, sizes = world.shown, {"tool": drawn.tool_marker_m, "target": drawn.target_marker_m}
+    tool, target = (marker_pose(world.believed, seen[n], sizes[n]).T_left_marker for n in ("tool", "target"))
+    offset = placed(wrong.offset_xyz, wrong.offset_rpy_deg)
+    assert np.allclose(target @ offset @ T_TOOL_MARKER, tool, atol=1e-9)
     assert np.allclose(world.goal(), task.T_goal)  # The truth by which it is judged stays the drawing's.
 
 
@@ -133,6 +148,7 @@ def test_who_touches_the_sphere_or_is_turned_has_not_arrived():
 def test_the_one_of_which_most_arrive_wins_then_the_sooner():
     runs = [
         reach("uvs", "none", mm=9.0, time_s=np.inf), reach("uvs", "none", seed=1, time_s=1.0),
+        reach("uvs", "none", seed=2, time_s=1.0),
         reach("stereo, learning, drawn", "none", time_s=5.0),
         reach("stereo, calibrated, drawn", "none", time_s=2.0),
     ]  # fmt: skip

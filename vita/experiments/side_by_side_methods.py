@@ -9,19 +9,18 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from vita.experiments.side_by_side_given import GivenPerception
 from vita.experiments.side_by_side_tasks import T_TOOL_MARKER, Carried, Task, Tripod, Trouble
 from vita.experiments.stereo_cases import CONFIG, robot
 from vita.experiments.stereo_runs import SIGMA_PX
 from vita.experiments.stereo_world import CYCLES, FRAME_S, StereoWorld, Truth, stereo_rig
 from vita.impedance.config import ImpedanceConfig
-from vita.impedance.perception import Perception, Seen
+from vita.impedance.perception import Seen
 from vita.servo import Controller, Limits, ServoConfig
 from vita.servo.limits import within_gate
 from vita.servo.visual_servo import GO_ON
-from vita.stereo.base import BaseFromCamera, MarkerCorners, StereoRig
-from vita.stereo.moved_rig import MovedRig
-from vita.stereo.online_calibration import OnlineCalibration
-from vita.types import Array, ErrorVector, JointStep, RowLabel, Status
+from vita.stereo.base import MarkerCorners
+from vita.types import ErrorVector, JointStep, RowLabel, Status
 from vita.vision.marker_pose import marker_pose
 
 LIMITS = Limits()
@@ -214,44 +213,6 @@ class Blind(Calibrated):
     """The classic form: the target's place through the given calibration, the tool's by the joints alone."""
 
     blind = True
-
-
-class GivenPerception(Perception):
-    """Perception that is told where the cameras stand and never doubts it."""
-
-    def __init__(self, rig: StereoRig, config: ImpedanceConfig, T_base_left: Array, blind: bool) -> None:
-        self._blind = blind
-        super().__init__(rig, config)
-        self.calibration, self.moved = _Given(T_base_left), _Unwatched(1e-3 * config.moved_mm, 1)
-
-    def see(self, stamp: float, T_base_tool: Array, seen: Mapping[str, Seen]) -> bool:
-        """Take in one pair of pictures; never says that the cameras have been moved."""
-        super().see(stamp, T_base_tool, seen)
-        if self._blind:
-            self._bias = np.zeros(3)
-        return False
-
-
-class _Given(OnlineCalibration):
-    """A calibration that was made beforehand."""
-
-    def __init__(self, T_base_left: Array) -> None:
-        super().__init__()
-        self._known = BaseFromCamera(T_base_left, 0.0, 0, 0.0)
-
-    @property
-    def estimate(self) -> BaseFromCamera | None:
-        return self._known
-
-    def add(self, *pair: object) -> None:  # type: ignore[override]
-        """Nothing is learned."""
-
-
-class _Unwatched(MovedRig):
-    """Nobody asks whether the cameras have been moved."""
-
-    def update(self, *residual: object) -> bool:  # type: ignore[override]
-        return False
 
 
 METHODS: dict[str, type[ReachWorld]] = {

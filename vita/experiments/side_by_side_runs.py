@@ -11,7 +11,7 @@ from vita.experiments.side_by_side_methods import METHODS, ReachWorld
 from vita.experiments.side_by_side_tasks import TROUBLES, Task, Trouble, clearance, draw
 from vita.types import Array
 
-LONGEST_S, CARRIED_S = 25.0, 7.0
+LONGEST_S, CARRIED_S = 25.0, 5.5
 """A run ends here at the latest, and one with a carried goal so long after the arm has learned."""
 REST_TICKS, LAST_S = 15, 2.0
 """A run goes on for so long once the method has stopped by itself. A carried goal is judged over its last

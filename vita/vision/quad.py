@@ -24,7 +24,7 @@ _ALONG = np.linspace(0.07, 0.93, 22)
 _STEP = 0.5
 """Distance of the samples across a side [px]."""
 _TUKEY = 4.0
-AS_EXPECTED_PX, SETTLED_PX = 0.5, 0.02
+SETTLE = 3
 _NEXT, _BEFORE, _EACH = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2]), np.arange(4)
 _POWERS = _ALONG[:, None] ** np.arange(3)
 
@@ -38,19 +38,16 @@ def refined(crop: Crop, corners: Array, cell: float) -> Array | None:
     image = crop.blurred(0.6)
     half, furthest = min(max(0.42 * cell, 1.5), 4.0), max(3.0, 0.8 * cell)
     start = np.ascontiguousarray(corners - crop.origin, np.float64).view(np.complex128)[:, 0]
-    now, extra = start, 0.0
-    for attempt in range(5):
-        found = _corners(image, now, half + extra)
-        moved = np.inf if found is None else _largest(found - now)
-        if attempt == 0 and not moved < AS_EXPECTED_PX:
-            extra = 1.0
-            continue
+    now, extra = start, 1.0
+    for _ in range(4):
+        found = _corners(image, now, half + extra, SETTLE if extra == 0.0 else 1)
         # Written so that what is not a number is refused as well.
         if found is None or not _largest(found - start) <= furthest:
             return None
-        now = found
-        if extra == 0.0 and moved < SETTLED_PX:
+        moved, now = _largest(found - now), found
+        if extra == 0.0 and moved < 0.1:
             break
+        # Once near, the narrowest window sees the whole edge and least of what is beside it.
         extra = 0.0 if moved < 1.0 else 0.5
     return now.view(np.float64).reshape(4, 2) + crop.origin
 
@@ -60,7 +57,7 @@ def _largest(way: Pixels) -> float:
     return float(np.abs(way.view(np.float64)).max())
 
 
-def _corners(image: Gray, corners: Pixels, half: float) -> Pixels | None:
+def _corners(image: Gray, corners: Pixels, half: float, rounds: int) -> Pixels | None:
     """(4,) where the sides meet that are seen within `half` [px] of those of `corners`; None if not clear."""
     run = corners[_NEXT] - corners
     length = np.abs(run)
@@ -81,7 +78,7 @@ def _corners(image: Gray, corners: Pixels, half: float) -> Pixels | None:
     clear = (total > max(4.0, 0.35 * usual)) & _inside(image, places[(0, -1),]).all(axis=0)
     if clear.sum(axis=1).min() < 8:
         return None
-    shift, tilt = _lines(offset, clear)
+    shift, tilt = _lines(offset, clear, rounds)
     return _meetings(corners + shift * outward, run + tilt * outward)
 
 
@@ -99,11 +96,11 @@ def _inside(image: Gray, places: NDArray[np.complex64]) -> NDArray[np.bool_]:
     return (u >= 0) & (v >= 0) & (u <= width - 1) & (v <= height - 1)
 
 
-def _lines(offset: Array, clear: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _lines(offset: Array, clear: NDArray[np.bool_], rounds: int) -> tuple[Array, Array]:
     """Intercept and slope (4,) of each side's `offset` (4, k) along it, weighted against outliers (Tukey)."""
     hidden, half = np.where(clear, 0.0, np.inf), clear.sum(axis=1) // 2
     away = offset - np.sort(offset + hidden, axis=1)[_EACH, half, None]
-    for _ in range(3):
+    for _ in range(rounds):
         away = np.abs(away) + hidden
         usual = np.sort(away, axis=1)[_EACH, half, None]
         reach = np.maximum(1.4826 * _TUKEY * usual, 0.05 * _TUKEY)
