@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+import vita.vision.marker_pose
 from vita.errors import BadInput
 from vita.stereo.base import Lens, MarkerCorners, StereoRig, marker_square
 from vita.stereo.projection import project
@@ -142,6 +143,41 @@ def test_the_last_pose_does_not_overrule_what_is_clearly_seen():
     mirrored = pose((0.0, 0.0, 0.6), (-40, 0, 0))
     sight = marker_pose(RIG, corners_of(T, sides="l", sigma=0.1), SIZE, near=mirrored)
     assert np.abs(apart(sight.T_left_marker, T)).max() < 1e-6
+
+
+@pytest.mark.parametrize("sides", ["lr", "l"])
+def test_a_last_pose_that_fits_saves_the_search_and_changes_nothing(sides, monkeypatch):
+    """From a last pose 1 cm and 4 degrees away the same comes out as from the pictures alone."""
+    rng, cases = np.random.default_rng(5), []
+    for _ in range(30):
+        T = pose((0.1, 0.0, 0.9), (30, *rng.normal(0, 15, 2)))
+        near = pose(T[:3, 3] + rng.normal(0, 0.006, 3))
+        near[:3, :3] = Rotation.from_rotvec(rng.normal(0, 0.04, 3)).as_matrix() @ T[:3, :3]
+        corners = corners_of(T, 0.05, rng, sides, sigma=0.1)
+        cases.append((corners, near, marker_pose(RIG, corners, SIZE)))
+    monkeypatch.setattr(vita.vision.marker_pose, "_start", lambda *_: pytest.fail("searched"))
+    for corners, near, alone in cases:
+        sight = marker_pose(RIG, corners, SIZE, near=near)
+        sd = np.sqrt(np.diag(alone.covariance))
+        assert (np.abs(apart(sight.T_left_marker, alone.T_left_marker)) < 0.002 * sd).all()
+        assert np.allclose(np.sqrt(np.diag(sight.covariance)), sd, rtol=1e-3)
+
+
+def test_a_fit_that_is_turned_far_from_the_last_pose_is_compared_with_the_others(monkeypatch):
+    searches, start = [], vita.vision.marker_pose._start
+    monkeypatch.setattr(vita.vision.marker_pose, "_start", lambda *a: searches.append(a) or start(*a))
+    for tilt, count in (((30, -20, 0), 0), ((30, -20, 20), 1)):
+        marker_pose(RIG, corners_of(pose(tilt_deg=tilt)), SIZE, near=pose(tilt_deg=(30, -20, 0)))
+        assert len(searches) == count
+
+
+def test_a_last_pose_that_is_nonsense_is_not_followed():
+    """Behind the camera, the other way round or no number at all: what is seen is what comes out."""
+    T = pose(tilt_deg=(30, -20, 0))
+    behind, backwards = pose((0.1, 0.0, -1.0)), T @ np.diag([1.0, -1, -1, 1])
+    for near in (behind, backwards, np.full((4, 4), np.nan)):
+        sight = marker_pose(RIG, corners_of(T), SIZE, near=near)
+        assert np.abs(apart(sight.T_left_marker, T)).max() < 1e-6
 
 
 def test_corners_that_belong_to_no_square_show_in_what_is_left():

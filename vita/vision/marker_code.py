@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import cv2
@@ -57,6 +58,8 @@ class Code:
         """Cells along a side, with the black frame."""
         cells = cv2.aruco.generateImageMarker(_dictionary(family), number, self.across)
         self._white = cells.ravel() > 0
+        self._between = 0.5 * (self._white / self._white.sum() + ~self._white / (~self._white).sum())
+        """What makes of the cells' grey levels the one in the middle between black and white."""
         wanted = cells.astype(np.float64).ravel()
         wanted -= wanted.mean()
         self._wanted = wanted / np.linalg.norm(wanted)
@@ -69,10 +72,9 @@ class Code:
         The correlation, 0 to 1, and the number of cells that read as the other colour.
         """
         values = _cells(crop, plane, self.across).ravel()
-        level = 0.5 * (values[self._white].mean() + values[~self._white].mean())
-        wrong = int(np.count_nonzero((values > level) != self._white))
-        values -= values.mean()
-        size = float(np.linalg.norm(values))
+        wrong = int(np.count_nonzero((values > values @ self._between) != self._white))
+        values -= values.sum() / values.size
+        size = math.sqrt(values @ values)
         return (max(0.0, float(values @ self._wanted) / size) if size > 1e-6 else 0.0), wrong
 
 
@@ -96,10 +98,16 @@ def read(crop: Crop, plane: Array) -> tuple[str, int] | None:
 
 def _cells(crop: Crop, plane: Array, across: int) -> Array:
     """(across, across) grey levels of the cells seen through `plane`."""
-    per = 4
-    n = across * per
-    step = 2.0 / n
-    grid = np.array([[step, 0, step / 2 - 1], [0, step, step / 2 - 1], [0, 0, 1.0]])
-    seen = crop.sample(crop.gray.astype(np.float32), plane @ grid, n).astype(np.float64)
-    # The middle of each cell: its rim is mixed with the neighbours'.
-    return seen.reshape(across, per, across, per)[:, 1:3, :, 1:3].mean(axis=(1, 3))
+    u, v, w = plane @ _grid(across)
+    places = np.stack([u / w - crop.origin[0], v / w - crop.origin[1]], axis=-1, dtype=np.float32)
+    gray = crop.gray.astype(np.float32)
+    seen = cv2.remap(gray, places.reshape(4, -1, 2), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
+    return np.asarray(seen, np.float64).sum(axis=0).reshape(across, across) * 0.25
+
+
+@cache
+def _grid(across: int) -> Array:
+    """(3, 4 across^2) four places about the middle of each cell: its rim is mixed with the neighbours'."""
+    middle, near = (np.arange(across) + 0.5) * 2.0 / across - 1.0, np.array([-0.25, 0.25]) / across
+    v, u, y, x = np.meshgrid(near, near, middle, middle, indexing="ij")
+    return frozen(np.stack([(x + u).ravel(), (y + v).ravel(), np.ones(x.size)]))

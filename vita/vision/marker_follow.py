@@ -69,8 +69,8 @@ class MarkerFollower:
         if self.missing or self.corners is None:
             return None
         ahead = self.corners + self.velocity
-        middle = ahead.mean(axis=0)
-        if math.hypot(*(middle - np.clip(middle, 0, (frame.shape[1], frame.shape[0])))) > 0:
+        u, v = middle_of(ahead)
+        if not (0 <= u <= frame.shape[1] and 0 <= v <= frame.shape[0]):
             return None
         margin = 0.4 * side_of(ahead) + 12 + math.hypot(*self.velocity)
         crop = Crop.cut(frame, ahead, margin)
@@ -91,8 +91,8 @@ class MarkerFollower:
         """The nearest of our number among what was found in `crop`, refined and compared with the code."""
         quads = [corners for number, corners in found if number == self.code.number]
         if self.corners is not None:
-            here = (self.corners + self.velocity).mean(axis=0)
-            quads.sort(key=lambda quad: math.hypot(*(quad.mean(axis=0) - here)))
+            here = middle_of(self.corners + self.velocity)
+            quads.sort(key=lambda quad: math.dist(middle_of(quad), here))
         for quad in quads:
             match = judged(self.code, crop, quad)
             if match is not None:
@@ -128,4 +128,16 @@ def plane_of(corners: Array) -> Array:
 
 def side_of(corners: Array) -> float:
     """Mean side of a quadrangle [px]."""
-    return float(np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1).mean())
+    return 0.25 * sum(sides_of(corners))
+
+
+def sides_of(corners: Array) -> list[float]:
+    """The four sides of a quadrangle, from the one after the first corner [px]."""
+    points = corners.tolist()
+    return [math.dist(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
+
+
+def middle_of(corners: Array) -> tuple[float, float]:
+    """Mean of a quadrangle's corners [px]."""
+    (a, b), (c, d), (e, f), (g, h) = corners.tolist()
+    return 0.25 * (a + c + e + g), 0.25 * (b + d + f + h)

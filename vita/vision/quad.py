@@ -24,7 +24,8 @@ _ALONG = np.linspace(0.07, 0.93, 22)
 _STEP = 0.5
 """Distance of the samples across a side [px]."""
 _TUKEY = 4.0
-SETTLE = 3
+_WEIGHINGS, _SETTLED_PX = 3, 0.01
+"""How often outliers are weighed down, at most; once is enough to see where to look again."""
 _NEXT, _BEFORE, _EACH = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2]), np.arange(4)
 _POWERS = _ALONG[:, None] ** np.arange(3)
 
@@ -40,7 +41,7 @@ def refined(crop: Crop, corners: Array, cell: float) -> Array | None:
     start = np.ascontiguousarray(corners - crop.origin, np.float64).view(np.complex128)[:, 0]
     now, extra = start, 1.0
     for _ in range(4):
-        found = _corners(image, now, half + extra, SETTLE if extra == 0.0 else 1)
+        found = _corners(image, now, half + extra, _WEIGHINGS if extra == 0.0 else 1)
         # Written so that what is not a number is refused as well.
         if found is None or not _largest(found - start) <= furthest:
             return None
@@ -57,7 +58,7 @@ def _largest(way: Pixels) -> float:
     return float(np.abs(way.view(np.float64)).max())
 
 
-def _corners(image: Gray, corners: Pixels, half: float, rounds: int) -> Pixels | None:
+def _corners(image: Gray, corners: Pixels, half: float, weighings: int) -> Pixels | None:
     """(4,) where the sides meet that are seen within `half` [px] of those of `corners`; None if not clear."""
     run = corners[_NEXT] - corners
     length = np.abs(run)
@@ -75,38 +76,41 @@ def _corners(image: Gray, corners: Pixels, half: float, rounds: int) -> Pixels |
     middle = across[1:] - 0.5 * _STEP
     offset = (middle @ rise.reshape(middle.size, -1)).reshape(total.shape) / (total + 1e-9)
     usual = float(np.partition(total, total.size // 2, axis=None)[total.size // 2])
-    clear = (total > max(4.0, 0.35 * usual)) & _inside(image, places[(0, -1),]).all(axis=0)
+    clear = (total > max(4.0, 0.35 * usual)) & _inside(image, places)
     if clear.sum(axis=1).min() < 8:
         return None
-    shift, tilt = _lines(offset, clear, rounds)
+    shift, tilt = _lines(offset, clear, weighings)
     return _meetings(corners + shift * outward, run + tilt * outward)
 
 
-def _sampled(image: Gray, places: NDArray[np.complex64]) -> Array:
+def _sampled(image: Gray, places: NDArray[np.complex64]) -> Gray:
     """Values of `image` at (across, side, along) pixels, bilinear."""
     flat = places.view(np.float32).reshape(places.shape[0], -1, 2)
     mapped = cv2.remap(image, flat, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
-    return np.asarray(mapped, np.float64).reshape(places.shape)
+    return mapped.reshape(places.shape)  # type: ignore[return-value]
 
 
 def _inside(image: Gray, places: NDArray[np.complex64]) -> NDArray[np.bool_]:
-    """Which of some pixels lie in the picture."""
-    height, width = image.shape
-    u, v = places.real, places.imag
-    return (u >= 0) & (v >= 0) & (u <= width - 1) & (v <= height - 1)
+    """(side, along) whether both ends of what is sampled across a side lie in the picture."""
+    tips = places[(0, -1),].view(np.float32).reshape(2, 4, -1, 2)
+    last = image.shape[1] - 1, image.shape[0] - 1
+    return np.all((tips >= 0) & (tips <= last), axis=(0, 3))
 
 
-def _lines(offset: Array, clear: NDArray[np.bool_], rounds: int) -> tuple[Array, Array]:
+def _lines(offset: Array, clear: NDArray[np.bool_], weighings: int) -> tuple[Array, Array]:
     """Intercept and slope (4,) of each side's `offset` (4, k) along it, weighted against outliers (Tukey)."""
     hidden, half = np.where(clear, 0.0, np.inf), clear.sum(axis=1) // 2
+    lines = np.zeros((4, 2))
     away = offset - np.sort(offset + hidden, axis=1)[_EACH, half, None]
-    for _ in range(rounds):
+    for _ in range(weighings):
         away = np.abs(away) + hidden
         usual = np.sort(away, axis=1)[_EACH, half, None]
         reach = np.maximum(1.4826 * _TUKEY * usual, 0.05 * _TUKEY)
         weights = np.square(np.maximum(1.0 - np.square(away / reach), 0.0))
         sums = zip((weights @ _POWERS).tolist(), ((weights * offset) @ _POWERS).tolist(), strict=True)
-        lines = np.array([_line(*side) for side in sums])
+        before, lines = lines, np.array([_line(*side) for side in sums])
+        if np.abs(lines - before).max() < _SETTLED_PX:
+            break
         away = offset - lines @ _POWERS.T[:2]
     return lines[:, 0], lines[:, 1]
 

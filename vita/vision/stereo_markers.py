@@ -14,7 +14,7 @@ from vita.types import Array, Image, frozen
 from vita.vision import warps
 from vita.vision.images import Crop, is_frame, to_gray
 from vita.vision.marker_code import Code
-from vita.vision.marker_follow import BLURRED_CELLS, MarkerFollower, Match
+from vita.vision.marker_follow import BLURRED_CELLS, MarkerFollower, Match, sides_of
 from vita.vision.marker_search import MarkerSearch
 
 FAMILY = "6X6_250"
@@ -134,6 +134,5 @@ def spread_px(corners: Array, score: float) -> float:
     neighbouring cells, of the white rim and of the background pull at the outline. Motion blur shows in the
     likeness to the code before it hides it.
     """
-    edges = np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1)
-    narrow = abs(warps.area(corners)) / float(edges.max())
+    narrow = abs(warps.area(corners)) / max(sides_of(corners))
     return math.hypot(BEST_PX, NARROW_PX * (10.0 / narrow) ** 2, BLURRED_PX * max(0.0, SHARP - score))
