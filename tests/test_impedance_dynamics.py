@@ -20,7 +20,8 @@ from vita.impedance.view import Capsule
 from vita.types import Array
 
 PERIOD = 1 / 30
-CONFIG = ImpedanceConfig()
+CONFIG = ImpedanceConfig(tool_tip_xyz=(0.0, 0.0, 0.0))
+"""With nothing mounted on the arm."""
 FREE = Surroundings()
 
 
@@ -108,6 +109,19 @@ def test_a_turning_target_is_turned_with(name: str) -> None:
     off = [goal(t).T_base_tool[:3, :3].T @ m.T_base_mass[:3, :3] for t, m in run if t > 1]
     assert np.degrees(Rotation.from_matrix(np.array(off)).magnitude()).max() < 1.0
     joints_in_order(name, [m for _, m in run])
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_the_tip_of_a_long_tool_is_kept_off_the_table_too(name: str) -> None:
+    config = dataclasses.replace(CONFIG, tool_tip_xyz=(0.0, 0.0, 0.14))
+    first = start(name)
+
+    def goal(t: float) -> Goal:
+        return Goal(shifted(first, [0.0, 0.0, min(t / 3, 1.0) * (-0.1 - first[2, 3])]))
+
+    run = follow(name, goal, 5.0, config=config)
+    assert min((m.T_base_mass @ [0.0, 0.0, 0.14, 1.0])[2] for _, m in run) > 0.03
+    assert min(m.T_base_mass[2, 3] for t, m in run if t > 4) < 0.25, "it went down as far as it may"
 
 
 @pytest.mark.parametrize("name", ARMS)

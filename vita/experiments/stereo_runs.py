@@ -39,7 +39,7 @@ class StereoRun:
     angle: Array
     """(t,) angle between the tool and its goal [rad]."""
     height: Array
-    """(t,) lowest point of the arm's skeleton from the elbow on [m]."""
+    """(t,) lowest point of the arm's skeleton from the elbow to the tool's tip [m]."""
     radius: Array
     """(t,) distance of the tool from the base's axis [m]."""
     bend: Array
@@ -92,7 +92,8 @@ def record(world: StereoWorld, seconds: float, case: str, robot_name: str) -> St
         world.tick()
         seen = world.controller.perception.tool_seen
         elbow = world.arm.landmarks[1] if world.arm.landmarks else 0
-        joints = frames[elbow:, :3, 3]
+        tip = frames[-1, :3, :3] @ world.config.tool_tip_xyz + frames[-1, :3, 3]
+        joints = np.concatenate([frames[elbow:, :3, 3], tip[None]])
         rows.append(
             (
                 now, (frames[-1] @ world.T_tool_marker)[:3, 3], np.full(3, np.nan) if seen is None else seen,

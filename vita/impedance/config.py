@@ -35,6 +35,9 @@ class ImpedanceConfig:
     tool_marker_rpy_deg: Vector3 = (-90.0, 0.0, 90.0)
     """The marker's orientation in the tool frame [deg]: it looks along the tool's -x, with its up along -z,
     so that it faces cameras in front of the arm while the tool points down."""
+    tool_tip_xyz: Vector3 = (0.0, 0.0, 0.14)
+    """The tool's far end in the tool frame [m]: table and people are kept clear of it as well. The default is
+    that of `marker_tool`."""
     offset_xyz: Vector3 = (0.0, 0.235, 0.0)
     """Where the tool frame is to be in the target marker's frame (x right, y up, z out of its face) [m]. By
     default the tool's marker ends 0.15 m above the target's, so that neither covers the other."""
@@ -145,7 +148,8 @@ class ImpedanceConfig:
         for name in ("tool_marker_m", "target_marker_m"):
             if not 0.005 <= getattr(self, name) <= 1.0:
                 raise BadInput(f"must be 0.005 to 1 m, got {getattr(self, name)}", path + name)
-        for name in ("tool_marker_xyz", "tool_marker_rpy_deg", "offset_xyz", "offset_rpy_deg"):
+        vectors = ("tool_marker_xyz", "tool_marker_rpy_deg", "tool_tip_xyz", "offset_xyz", "offset_rpy_deg")
+        for name in vectors:
             values = np.asarray(getattr(self, name), dtype=float)
             if values.shape != (3,) or not np.isfinite(values).all() or np.abs(values).max() > 3600:
                 raise BadInput(f"expected three finite numbers, got {getattr(self, name)!r}", path + name)

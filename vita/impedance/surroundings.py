@@ -16,6 +16,8 @@ from vita.impedance.singularity import ElbowReach, lever
 from vita.impedance.view import Capsule, Surface
 from vita.types import Array
 
+TOOL_THICK_M = 0.03
+"""Radius of the tool, from its frame to its tip [m]."""
 THICK_M = 0.05
 """Radius of a link where none is given [m]."""
 AHEAD_S = 0.15
@@ -75,14 +77,17 @@ class Skeleton:
         """Joint frames that the table repels, with their radii; the lowest point of a chain of segments is
         one of its corners."""
 
-    def gaps(self, frames: Array, others: Obstacles, surface: Surface | None) -> list[Gap]:
-        """The closest approaches to people and obstacles."""
-        starts, ends = frames[self.links, :3, 3], frames[self.links + 1, :3, 3]
-        back = frames[1, :3, 3] - frames[-1, :3, 3]
+    def gaps(self, places: Array, others: Obstacles, surface: Surface | None) -> list[Gap]:
+        """The closest approaches to people and obstacles; `places` are those of `look`."""
+        n, links, radii = self.arm.n, self.links, self.radii
+        if np.linalg.norm(places[n + 1] - places[n]) > 1e-6:
+            links, radii = np.append(links, n), np.append(radii, TOOL_THICK_M)
+        starts, ends = places[links], places[links + 1]
+        back = places[1] - places[n]
         fallback = back / max(float(np.linalg.norm(back)), 1e-9)
-        found = to_obstacles(starts, ends, self.radii, others, fallback)
+        found = to_obstacles(starts, ends, radii, others, fallback)
         if surface is not None:
-            found += to_surface(starts, ends, self.radii, surface)
+            found += to_surface(starts, ends, radii, surface)
         return found
 
     def look(
@@ -92,18 +97,22 @@ class Skeleton:
         """All walls at joints q (n,), with `frames`, the tool's Jacobian J (6, n) and the `inverse` (n, 6),
         or (n, 3) of its translation alone."""
         n = self.arm.n
+        # Where the joints, the tool's frame and its tip are, (n + 2, 3).
+        tip = frames[n, :3, :3] @ np.asarray(config.tool_tip_xyz, dtype=float) + frames[n, :3, 3]
+        places = np.concatenate([frames[:, :3, 3], tip[None]])
         found: list[tuple[str, float, float, float, Array, Array, int]] = []
-        for mark, radius in self.low:
-            point = frames[mark, :3, 3]
+        for mark, radius in (*self.low, (n + 1, 0.0)):
+            point = places[mark]
             height = float(point[2]) - config.table_z - radius
             found.append(("table", height, config.table_m, 0.0, UP, point, min(mark + 1, n)))
         for mark in self.marks:
-            point = frames[mark, :3, 3]
+            point = places[mark]
             far, out = to_axis(point)
             found.append(("base", far, config.base_m, config.base_stop_m, out, point, min(mark + 1, n)))
-        for gap in self.gaps(frames, others, surface):
+        for gap in self.gaps(places, others, surface):
             d = gap.distance - AHEAD_S * min(gap.coming, FASTEST)
-            joints = int(self.links[gap.segment]) + 1
+            link = int(self.links[gap.segment]) if gap.segment < self.links.size else n
+            joints = min(link + 1, n)
             found.append(("people", d, config.people_m, config.stop_m, gap.normal, gap.point, joints))
 
         distances: dict[str, float] = {}

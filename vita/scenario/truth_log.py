@@ -48,6 +48,7 @@ class TruthLog:
         config = scenario.impedance
         self._offset = pose_matrix(config.offset_xyz, config.offset_rpy_deg)
         self._marker = pose_matrix(config.tool_marker_xyz, config.tool_marker_rpy_deg)
+        self._tip = np.asarray(config.tool_tip_xyz, dtype=float)
         self._arm = rig.arm_model() if self.clearance else None
         self._ticks: list[_Tick] = []
 
@@ -75,10 +76,12 @@ class TruthLog:
         return is_[:3, 3] - wanted[:3, 3], float(turn.magnitude())
 
     def _distance(self, spec: ClearanceSpec, q: Array) -> float:
-        """Smallest distance between the arm's skeleton, from the elbow on, and a body's surface [m]."""
+        """Smallest distance between the arm's skeleton, from the elbow to the tool's tip, and a body [m]."""
         assert self._arm is not None
         elbow = self._arm.landmarks[1] if self._arm.landmarks else 0
-        joints = self._arm.frames(q)[elbow:, :3, 3]
+        frames = self._arm.frames(q)
+        tip = frames[-1, :3, :3] @ self._tip + frames[-1, :3, 3]
+        joints = np.concatenate([frames[elbow:, :3, 3], tip[None]])
         if spec.to == "table":
             return float(joints[:, 2].min())
         parts = [part for part in self._rig.obstacles() if part.body == spec.to]
