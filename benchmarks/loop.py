@@ -1,10 +1,10 @@
 """What one control period costs, headless and in the app's arrangement, with two 640x480 views.
 
-    python benchmarks/loop.py [SECONDS]
+    python benchmarks/loop.py [SECONDS] [SCENARIO]
 
-Runs the task `point_to_point` over and over for SECONDS in lockstep (everything in this process) and then
-live (simulation and drawing in a process of their own), and prints medians. `observe` is physics and drawing
-headless, and the wait for the next picture live.
+Runs the task `point_to_point`, or another such as `follow_target`, over and over for SECONDS in lockstep
+(everything in this process) and then live (simulation and drawing in a process of their own), and prints
+medians. `observe` is physics and drawing headless, and the wait for the next picture live.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def measure(rig: SimulatedRig, scenario: Scenario, seconds: float) -> dict[str, 
     rows, times = [], []
     end = time.perf_counter() + seconds
     while time.perf_counter() < end:
-        if not engine.controller.moving:
+        if not engine.moving:
             engine.apply(cmd.ResetArm())
             engine.apply(cmd.Start())
             times.append(None)  # What lies between two runs is no period of the loop.
@@ -44,7 +44,7 @@ def measure(rig: SimulatedRig, scenario: Scenario, seconds: float) -> dict[str, 
 
 def main() -> None:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 10.0
-    scenario = vita.load("point_to_point")
+    scenario = vita.load(sys.argv[2] if len(sys.argv) > 2 else "point_to_point")
     print(f"{'rig':<10} {'loop Hz':>8} {'mean':>6}  " + "  ".join(f"{p + ' ms':>11}" for p in PHASES))
     for name, make in (("lockstep", LockstepRig), ("live", LiveRig)):
         rig = make(scenario)
