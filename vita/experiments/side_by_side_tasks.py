@@ -15,6 +15,7 @@ from vita.experiments.stereo_world import SIZE_PX, STEEPEST, looking, stereo_rig
 from vita.impedance.arm_model import ArmModel
 from vita.impedance.inverse import solve
 from vita.impedance.perception import placed
+from vita.impedance.singularity import ElbowReach
 from vita.impedance.view import Capsule
 from vita.scenario.truth_log import between_segments
 from vita.stereo.base import StereoRig, marker_square
@@ -31,6 +32,8 @@ HAND_EYE_DEG, FOCAL = 5.0, 1.1
 CARRIED_M_S, CIRCLE_M = 0.05, 0.05
 """A goal that is carried goes along a circle of this radius at this speed."""
 T_TOOL_MARKER = placed(CONFIG.tool_marker_xyz, CONFIG.tool_marker_rpy_deg)
+TIP = np.array([*CONFIG.tool_tip_xyz, 1.0])
+"""The tool's far end in its frame."""
 T_TARGET_GOAL = placed(CONFIG.offset_xyz, CONFIG.offset_rpy_deg)
 INSIDE_PX = 25.0
 """So far from the rim of the picture the markers are at start and goal at least."""
@@ -162,6 +165,8 @@ def _possible(task: Task, arm: ArmModel, rig: StereoRig, sphere: bool) -> bool:
     goal, target = task.T_goal[:3, 3], task.T_target[:3, 3]
     if target[2] < 0.12 or goal[2] < 0.25 or np.hypot(*goal[:2]) < 0.4:
         return False
+    if any((T @ TIP)[2] < CONFIG.table_m + 0.03 for T in (task.T_start, task.T_goal)):
+        return False  # The table would hold the tool's tip off, and rightly so.
     markers = (
         (task.T_start @ T_TOOL_MARKER, CONFIG.tool_marker_m),
         (task.T_goal @ T_TOOL_MARKER, CONFIG.tool_marker_m),
@@ -172,6 +177,9 @@ def _possible(task: Task, arm: ArmModel, rig: StereoRig, sphere: bool) -> bool:
     found = solve(arm, task.q0, task.T_goal, tries=0)
     if found.limited:
         return False
+    elbow = ElbowReach.of(arm)
+    if elbow is not None and elbow.angle(found.q) < np.radians(CONFIG.singular_deg) + 0.1:
+        return False  # So stretched a pose is kept away from.
     free = min(clearance(arm, q, (task.sphere,)) for q in (task.q0, found.q))
     return not sphere or free > SPHERE_FREE_M
 
@@ -179,7 +187,8 @@ def _possible(task: Task, arm: ArmModel, rig: StereoRig, sphere: bool) -> bool:
 def clearance(arm: ArmModel, q: Array, parts: Sequence[Capsule]) -> float:
     """Smallest distance between the arm's surface, from the elbow on, and the nearest of `parts` [m]."""
     first = 0 if arm.landmarks is None else arm.landmarks[1]
-    joints = arm.frames(q)[first:, :3, 3]
+    frames = arm.frames(q)
+    joints = np.concatenate([frames[first:, :3, 3], (frames[-1] @ TIP)[None, :3]])
     return min(
         (
             between_segments(a, b, part.start, part.end) - part.radius - RADIUS_M
