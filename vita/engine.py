@@ -14,20 +14,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vita import commands as cmd
-from vita.constraints import stack
 from vita.editing import Editor
 from vita.errors import BadInput, NotNow, UnknownName
 from vita.feeds import FrozenFeeds
 from vita.impedance.view import ImpedanceView
-from vita.outlook import Outlook, ghost, ghost_poses
-from vita.plausible import MotionCheck
+from vita.outlook import ghost, ghost_poses
 from vita.rig import SimulatedRig
 from vita.scenario.schema import Scenario
 from vita.servo import Controller, status_for
-from vita.servo.limits import within_gate
+from vita.servoing import Servoing
 from vita.snapshot import Snapshot
 from vita.stopwatch import Stopwatch
-from vita.tuning import SETTINGS, check_joints, put_limits, set_mode
+from vita.tuning import SETTINGS, put_limits, set_mode
 from vita.types import ErrorVector, JointStep, Notice, Observation, Status
 
 if TYPE_CHECKING:
@@ -46,23 +44,37 @@ class Engine:
         self._tick = 0
         self._notices: list[Notice] = []
         self._lost_until: dict[str, float] = {}
-        self.controller = Controller(rig.joints, scenario.servo)
-        """The servo of the drawn constraints."""
         self.following: Following | None = None
         """The stereo-impedance mode, while it is in force."""
         self.impedance = scenario.impedance
         self.observation: Observation = rig.observe()
         self.editor = Editor(rig, scenario, self.observation)
+        self.servoing = Servoing(rig, self.editor, scenario.servo)
+        """The servo of the drawn constraints; it keeps what it knows while the other mode is in force."""
         self.limits = scenario.limits
         set_mode(self, scenario.mode)
-        self._feeds, self._motion, self._outlook = FrozenFeeds(), MotionCheck(), Outlook()
+        self._feeds = FrozenFeeds()
         self.last_step: JointStep | None = None
-        self.error: ErrorVector = stack((), {})
+
+    @property
+    def mode(self) -> Servoing | Following:
+        """What Start starts."""
+        return self.servoing if self.following is None else self.following
+
+    @property
+    def controller(self) -> Controller:
+        """The servo of the drawn constraints."""
+        return self.servoing.controller
+
+    @property
+    def error(self) -> ErrorVector:
+        """The stacked error of the last observation."""
+        return self.servoing.error
 
     @property
     def active(self) -> Controller | ImpedanceController:
         """Whose turn it is: the servo, or the controller of the stereo-impedance mode."""
-        return self.controller if self.following is None else self.following.controller
+        return self.mode.controller
 
     @property
     def status(self) -> Status:
@@ -83,12 +95,8 @@ class Engine:
         if self.status.state == "offline":
             self.active.status = status_for("images_late")  # It has come back by itself.
         self.editor.track(self.observation, lost=self._forced_losses())
-        if self.following is None:
-            self._check_motion()
-        else:
-            self.following.see(self.observation)
-            self._pass_on(self.following.controller)
-        self.error = stack(self.editor.task.terms(), self.editor.features)
+        self.mode.see(self.observation)
+        self._pass_on()
         watch.lap("track")
         self.last_step = self._decide()
         self.rig.command(self.last_step)
@@ -99,7 +107,6 @@ class Engine:
         return snapshot
 
     def _decide(self) -> JointStep | None:
-        controller, seen = self.controller, self.observation
         if not self.moving:
             return None
         gate_fault = str(self.rig.gate_state()["fault"])
@@ -107,49 +114,18 @@ class Engine:
             self.fail("gate_fault", gate_fault)
             return None
         self._check_feeds()
-        if self.following is not None:
-            return self.following.decide(seen)
-        controller.joints = within_gate(self.rig.joints)
-        decision = controller.tick(seen.stamp, seen.q, self.error, self._lost_trackers())
-        if decision is None:
-            return None
-        scale = decision.speed_scale
-        if decision.exploring:
-            scale = min(scale, self.limits.explore_speed_rad_s / self.limits.speed_rad_s)
-        return JointStep(decision.dq, seen.q, seen.stamp, scale)
-
-    def _lost_trackers(self) -> str:
-        """The lost trackers by name; the controller itself only sees rows that are missing."""
-        task, features = self.editor.task, self.editor.features
-        used = {name for constraint in task.constraints for name in constraint.points}
-        lost = [s.spec for s in task.slots if s.spec.name in used and not features[s.spec.name].ok]
-        places = ", ".join(f"{spec.name!r} in the {spec.camera} view" for spec in lost)
-        return f"tracker {places}" if lost else ""
-
-    def _check_motion(self) -> None:
-        """Take no feature at its word that does not move as the arm does."""
-        if not self.controller.moving:
-            return
-        cameras = {slot.spec.name: slot.spec.camera for slot in self.editor.task.slots}
-        verdict = self._motion.judge(self.observation.q, self.editor.features, cameras)
-        self.editor.features = dict(verdict.features)
-        if verdict.swapped:
-            first, second = verdict.swapped
-            culprit = f"{first!r} and {second!r} in the {cameras[first]} view"
-            self.controller.halt("trackers_swapped", culprit=culprit)
+        return self.mode.decide(self.observation, self.limits) if self.moving else None
 
     def _check_feeds(self) -> None:
-        cameras = {term.camera for term in self.editor.task.terms()}
-        if self.following is not None:
-            cameras = {self.impedance.left, self.impedance.right}
-        frozen = self._feeds.update(self.observation, cameras)
-        if frozen and self.moving:
+        frozen = self._feeds.update(self.observation, self.mode.cameras)
+        if frozen:
             self.active.halt("frozen_feed", culprit=", ".join(repr(name) for name in frozen))
 
-    def _pass_on(self, controller: ImpedanceController) -> None:
-        if controller.notice:
-            self.say(controller.notice, "warning")
-            controller.notice = ""
+    def _pass_on(self) -> None:
+        """What the mode has to tell people."""
+        if self.following is not None and self.following.controller.notice:
+            self.say(self.following.controller.notice, "warning")
+            self.following.controller.notice = ""
 
     def _forced_losses(self) -> frozenset[str]:
         now = self.observation.stamp
@@ -198,26 +174,8 @@ class Engine:
             return
         if self.status.state == "fault":
             raise NotNow("acknowledge the fault first; then press Start again")
-        self._feeds, self._motion = FrozenFeeds(), MotionCheck()
-        if self.following is not None:
-            self.rig.release()
-            self.following.controller.start()
-        else:
-            self._start_servo(command)
-
-    def _start_servo(self, command: cmd.Start) -> None:
-        task = self.editor.task
-        if not task.constraints:
-            raise BadInput("there is no constraint yet: pick a kind and click its features, then Start")
-        lost = [n for n, f in self.editor.features.items() if not f.ok]
-        used = {p for c in task.constraints for p in c.points}
-        if used.intersection(lost):
-            names = ", ".join(repr(n) for n in lost if n in used)
-            raise BadInput(f"lost tracker {names}: drag it onto its feature or delete it, then Start")
-        self.controller.joints = within_gate(self.rig.joints)
-        check_joints(self)
-        self.rig.release()
-        self.controller.start(relearn=command.relearn)
+        self._feeds = FrozenFeeds()
+        self.mode.start(command)
 
     def _acknowledge(self, _: cmd.Acknowledge) -> None:
         if self.status.state == "fault":
@@ -325,8 +283,8 @@ class Engine:
             timing=self._watch.timing(),
             poses=self.rig.poses(),
             insight=insight,
-            findings=self._outlook.findings(editor, controller, insight),
-            ghost=ghost(self._motion, ahead),
+            findings=tuple(self.servoing.findings()),
+            ghost=ghost(self.servoing.motion, ahead),
             ghost_poses=ghost_poses(self.rig, seen.q, ahead),
             impedance=ImpedanceView() if following is None else following.view(),
         )

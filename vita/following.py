@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from vita import commands as cmd
 from vita.errors import BadInput
 from vita.impedance.config import ImpedanceConfig
 from vita.impedance.controller import ImpedanceController
@@ -21,6 +22,7 @@ from vita.impedance.repulsion import check_balance
 from vita.impedance.view import ImpedanceView, Surface
 from vita.rig import SimulatedRig
 from vita.scenario.schema import CameraSpec, Scenario
+from vita.servo.config import Limits
 from vita.stereo.base import Lens
 from vita.stereo.hull import ArmHull
 from vita.stereo.surfaces import surfaces
@@ -33,7 +35,6 @@ LIVE = tuple(f.name for f in fields(ImpedanceConfig) if "low" in f.metadata) + (
 """Settings that may change while the arm moves."""
 RELEARN = ("tool_marker", "target_marker", "tool_marker_m", "target_marker_m", "tool_marker_xyz")
 """Settings without which what was learned is worth nothing."""
-
 
 HELD_M = 0.18
 """So much about the target's centre belongs to the target and the hand that holds it [m]."""
@@ -158,7 +159,18 @@ class Following:
         surface = self._depth.surface(seen.depths, known.T_base_left, q, target, controller.config.table_z)
         return Surroundings((), surface=surface)
 
-    def decide(self, seen: Observation) -> JointStep | None:
+    @property
+    def cameras(self) -> frozenset[str]:
+        """The cameras without which this mode is blind."""
+        config = self.controller.config
+        return frozenset(name for name in (config.left, config.right, config.depth) if name)
+
+    def start(self, _: cmd.Start) -> None:
+        """Begin to learn where the cameras stand, or to follow."""
+        self._rig.release()
+        self.controller.start()
+
+    def decide(self, seen: Observation, _: Limits) -> JointStep | None:
         """The next joint step; None when nothing is to move."""
         return self.controller.tick(seen.stamp, seen.q, self._around)
 
@@ -174,5 +186,3 @@ def _camera(cameras: Mapping[str, CameraSpec], name: str, side: str) -> CameraSp
     if name not in cameras:
         raise BadInput(f"there is no camera {name!r}; choose two of {sorted(cameras)}", f"impedance.{side}")
     return cameras[name]
-
-

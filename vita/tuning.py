@@ -14,6 +14,7 @@ from vita.servo.limits import apply_limits, change_joint_limit, change_setting
 if TYPE_CHECKING:
     from vita.engine import Engine
 
+
 def set_mode(engine: Engine, mode: str) -> None:
     """Choose what Start does. Raises `BadInput` where the scene has not got what the mode needs."""
     if mode not in MODES:
@@ -24,13 +25,6 @@ def set_mode(engine: Engine, mode: str) -> None:
     from vita.following import Following  # With its eyes; the other mode does without them.
 
     engine.following = Following(engine.rig, engine.present())
-
-
-def check_joints(engine: Engine) -> None:
-    """Raise `BadInput` unless the servo's joints exist."""
-    count = len(engine.rig.joints)
-    if any(j >= count for j in engine.controller.config.joints or ()):
-        raise BadInput(f"this robot has joints 0 to {count - 1}", "servo.joints")
 
 
 def put_limits(engine: Engine, limits: Limits) -> None:
@@ -62,7 +56,7 @@ def _set_servo(engine: Engine, command: cmd.SetServo) -> None:
     config = change_setting(engine.controller.config, command.field, command.value, "servo")
     previous, engine.controller.config = engine.controller.config, config
     try:
-        check_joints(engine)
+        engine.servoing.check_joints()
     except BadInput:
         engine.controller.config = previous
         raise
