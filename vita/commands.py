@@ -1,8 +1,8 @@
 """Everything that a person or script can ask of the engine while it lives, as plain data.
 
 The page, scripts and tests all speak through these; the engine applies them at the start of a
-tick (`Engine.apply`), one after the other. `Stop` is not among the queued ones: it is a flag on
-the runner, so that nothing can stand in front of it.
+tick (`Engine.apply`), one after the other. Stop and emergency stop are not among the queued ones: they
+are flags on the runner, so that nothing can stand in front of them.
 """
 
 from __future__ import annotations
@@ -28,6 +28,27 @@ class Halt:
 @dataclass(frozen=True)
 class Acknowledge:
     """Leave a fault for idle. Never moves the arm."""
+
+
+@dataclass(frozen=True)
+class Reset:
+    """Leave an emergency stop for idle. Never moves the arm; Start is a second act."""
+
+    confirm: bool = False
+    """Whoever sends it has been asked whether it is safe, and has said yes."""
+
+
+@dataclass(frozen=True)
+class Inject:
+    """Make a fault of the catalogue happen (`vita.faults`); simulation only."""
+
+    fault: str
+    """Row of the catalogue, such as `V5`."""
+
+
+@dataclass(frozen=True)
+class Mend:
+    """Take back every fault that was injected."""
 
 
 @dataclass(frozen=True)
@@ -174,6 +195,9 @@ Command = (
     Start
     | Halt
     | Acknowledge
+    | Reset
+    | Inject
+    | Mend
     | AddTracker
     | MoveTracker
     | RenameTracker

@@ -16,6 +16,7 @@ import numpy as np
 from vita import commands as cmd
 from vita.editing import Editor
 from vita.errors import BadInput, NotNow, UnknownName
+from vita.faults import Site, Tap, inject
 from vita.feeds import FrozenFeeds
 from vita.impedance.view import ImpedanceView
 from vita.outlook import ghost, ghost_poses
@@ -44,6 +45,11 @@ class Engine:
         self._tick = 0
         self._notices: list[Notice] = []
         self._lost_until: dict[str, float] = {}
+        self.tap = Tap()
+        """Where injected faults get in; empty unless people try one."""
+        self.site = Site(self, self.tap)
+        self._estop: Status | None = None
+        self._revision, self._last_state = 0, "idle"
         self.following: Following | None = None
         """The stereo-impedance mode, while it is in force."""
         self.impedance = scenario.impedance
@@ -78,11 +84,19 @@ class Engine:
 
     @property
     def status(self) -> Status:
-        return self.active.status
+        return self._estop or self.active.status
 
     @property
     def moving(self) -> bool:
-        return self.active.moving
+        return self._estop is None and self.active.moving
+
+    @property
+    def revision(self) -> int:
+        """Grows with every change of state."""
+        state = self.status.state
+        if state != self._last_state:
+            self._revision, self._last_state = self._revision + 1, state
+        return self._revision
 
     # ---- one tick ------------------------------------------------------------------------------
 
@@ -90,15 +104,16 @@ class Engine:
         """Run one control period and publish it. Raises `RigOffline` when the rig is gone."""
         watch = self._watch
         watch.begin()
-        self.observation = self.rig.observe()
+        self.observation = self.tap.observation(self.rig.observe())
         watch.lap("observe")
         if self.status.state == "offline":
             self.active.status = status_for("images_late")  # It has come back by itself.
         self.editor.track(self.observation, lost=self._forced_losses())
+        self.editor.features = dict(self.tap.reports(self.editor.features, self.observation))
         self.mode.see(self.observation)
         self._pass_on()
         watch.lap("track")
-        self.last_step = self._decide()
+        self.last_step = self.tap.command(self._decide())
         self.rig.command(self.last_step)
         watch.lap("servo")
         self._tick += 1
@@ -147,6 +162,12 @@ class Engine:
         self.last_step = None
         self.rig.command(None)
 
+    def estop(self, reason: str = "estop", culprit: str = "pressed at the page") -> None:
+        """Rest now, and stay there until `Reset`. Idempotent: the first reason stays."""
+        self.stop()
+        self.rig.stop_now()
+        self._estop = self._estop or status_for(reason, culprit=culprit)
+
     def fail(self, reason: str, culprit: str) -> None:
         """A fault from outside (exception in the loop, rig gone): rest and say so."""
         self.active.status = status_for(reason, culprit=culprit)
@@ -160,8 +181,9 @@ class Engine:
     def resume(self, other: Engine) -> None:
         """Go on with the messages and the tick count of an engine whose place this one takes, so
         that readers who compare numbers see them grow."""
-        self._tick = other._tick
+        self._tick, self._revision = other._tick, other.revision + 1
         self._notices = list(other._notices)
+        self.site.address, self.site.later = other.site.address, other.site.later
 
     def say(self, text: str, level: str = "info", instead: cmd.Command | None = None) -> None:
         """Tell the people at the page; `instead` is the command that would have been taken."""
@@ -174,6 +196,8 @@ class Engine:
             return
         if self.status.state == "fault":
             raise NotNow("acknowledge the fault first; then press Start again")
+        if self.status.state == "estop":
+            raise NotNow("the emergency stop is in force: press Reset and confirm, then Start")
         self._feeds = FrozenFeeds()
         self.mode.start(command)
 
@@ -181,6 +205,18 @@ class Engine:
         if self.status.state == "fault":
             self.active.forget()
         self.active.acknowledge()
+
+    def _reset_stop(self, command: cmd.Reset) -> None:
+        if self._estop is None:
+            raise NotNow("no emergency stop is in force")
+        if command.confirm is not True:
+            raise BadInput("say that it is safe (confirm), then Reset", "reset")
+        self._estop = None
+        self.active.forget()
+        self.active.acknowledge()
+
+    def _inject(self, command: cmd.Inject) -> None:
+        inject(command.fault, self.site)
 
     def _edit(self, command: cmd.Command) -> None:
         if self.moving:
@@ -228,6 +264,9 @@ class Engine:
         cmd.Start: _start,
         cmd.Halt: lambda self, _: self.stop(),
         cmd.Acknowledge: _acknowledge,
+        cmd.Reset: _reset_stop,
+        cmd.Inject: _inject,
+        cmd.Mend: lambda self, _: self.tap.mend(),
         **SETTINGS,
         cmd.ResetArm: _reset,
         cmd.LoadTask: _load,
@@ -286,5 +325,7 @@ class Engine:
             findings=tuple(self.servoing.findings()),
             ghost=ghost(self.servoing.motion, ahead),
             ghost_poses=ghost_poses(self.rig, seen.q, ahead),
+            revision=self.revision,
+            injected=self.tap.rows,
             impedance=ImpedanceView() if following is None else following.view(),
         )

@@ -38,6 +38,7 @@ class Runner:
         self._queue: deque[tuple[int, cmd.Command]] = deque()
         self._stop_count = 0
         self._stop = threading.Event()
+        self._stop_reason, self._estop = "stopped_by_user", ""
         self._closing = threading.Event()
         self._fresh = threading.Condition()
         self._last_tick_s = time.monotonic()
@@ -52,9 +53,17 @@ class Runner:
         if len(self._queue) < MAX_QUEUE:
             self._queue.append((self._stop_count, command))
 
-    def stop(self) -> None:
+    def stop(self, reason: str = "stopped_by_user") -> None:
         """Rest now. Idempotent, never waits. A Start that was queued before it is dropped."""
         self._stop_count += 1
+        self._stop_reason = reason
+        self._stop.set()
+        self._engine.rig.stop_now()
+
+    def estop(self, culprit: str = "pressed at the page") -> None:
+        """Rest now, and let nobody start before `Reset`. Idempotent, never waits."""
+        self._stop_count += 1
+        self._estop = self._estop or culprit
         self._stop.set()
         self._engine.rig.stop_now()
 
@@ -100,7 +109,10 @@ class Runner:
     def _take_stop(self) -> None:
         if self._stop.is_set():
             self._stop.clear()
-            self._engine.stop()
+            culprit, self._estop = self._estop, ""
+            if culprit:
+                self._engine.estop(culprit=culprit)
+            self._engine.stop(self._stop_reason)
 
     def _drain(self) -> None:
         while self._queue:

@@ -51,5 +51,11 @@ class Snapshot:
     that are expected to move."""
     ghost_poses: Mapping[str, Array] = field(default_factory=dict)
     """Body name to (4, 4) T_world_body after the next step in simulation, for the 3D view only."""
+    revision: int = 0
+    """Grows with every change of state; a command that was made on an older one is stale."""
+    injected: tuple[str, ...] = ()
+    """Rows of the fault catalogue that are in force now (simulation only)."""
+    evidence: str = ""
+    """File of the recording that the last fault left, empty before the first."""
     impedance: ImpedanceView = ImpedanceView()
     """What the stereo-impedance mode sees and does. The mode in force is `scenario.mode`."""

@@ -30,6 +30,78 @@ REASONS: dict[str, tuple[State, str]] = {
         "Lost {culprit}; going on at half speed with the {left} of {rows} error rows that are seen.",
     ),
     "rows_back": ("servoing", "Every tracker is back; full speed in a moment."),
+    # What the cameras show.
+    "camera_lost": (
+        "hold",
+        "Camera {culprit} sends no usable picture: {why}. It is asked again by itself; press Start when it "
+        "is back.",
+    ),
+    "camera_skew": (
+        "hold",
+        "The cameras' pictures were taken {ms:.0f} ms apart, so they do not belong together. Press Start "
+        "when they are in step again.",
+    ),
+    "camera_moved": (
+        "fault",
+        "The {culprit} camera was moved or turned: the picture no longer moves as was learned. Acknowledge, "
+        "then Start learns again.",
+    ),
+    # What the task and the estimate allow.
+    "under_constrained": (
+        "hold",
+        "The task fixes {held} of the {joints} motions that the joints in use can make. Add a constraint, "
+        "or take joints out ({culprit}).",
+    ),
+    "ill_conditioned": (
+        "hold",
+        "One motion of the arm is hardly seen by the cameras: {culprit}. Move a camera, so that they look "
+        "from directions at least 30 degrees apart, then press Start.",
+    ),
+    "joint_no_effect": (
+        "hold",
+        "{culprit} has no visible effect on any constraint. Leave it out of the joints in use, or draw a "
+        "constraint that it moves.",
+    ),
+    "near_singular": (
+        "hold",
+        "The arm has come near a pose in which it cannot move every way that the task needs ({culprit}). "
+        "Reset the arm or choose other joints, then press Start.",
+    ),
+    # What the motion shows.
+    "opposite_motion": (
+        "fault",
+        "The image moves opposite to what was learned ({culprit}). Acknowledge, then Start learns again.",
+    ),
+    "oscillating": (
+        "fault",
+        "The arm keeps overshooting its goal, also with a lower gain. Acknowledge, lower the gain, and "
+        "Start learns again.",
+    ),
+    # Who drives, and what stands behind the arm.
+    "driver_left": (
+        "hold",
+        "The page that drove the arm is gone, so the arm was stopped. Press Start to go on.",
+    ),
+    "closing": ("hold", "vita is ending, so the arm was stopped."),
+    "controller_stopped": (
+        "fault",
+        "The controller gave no sign of life for {ms:.0f} ms ({culprit}), so the arm was stopped. Restart "
+        "builds it anew.",
+    ),
+    "too_close": (
+        "fault",
+        "{culprit}; the arm was stopped. Only motion away from it is possible: Acknowledge, then move the "
+        "obstacle or reset the arm.",
+    ),
+    "estop": (
+        "estop",
+        "Emergency stop ({culprit}). When it is safe, press Reset and confirm; Start is a second act.",
+    ),
+    "state_corrupt": (
+        "estop",
+        "The simulation reported joint positions that are not numbers, and was rebuilt at the last good "
+        "pose. Press Reset and confirm, then Start.",
+    ),
     "stalled": (
         "hold",
         "No more progress at {error:.1f} px; the worst is {culprit}. The constraints may contradict one "
