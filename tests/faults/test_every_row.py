@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from vita.faults import CATALOGUE, INJECTORS
+from vita.faults import CATALOGUE, injectors
 
 COUNTS = {"V": 13, "T": 11, "C": 15, "R": 8, "U": 21, "P": 8, "Q": 4}
 
@@ -22,4 +22,4 @@ def test_every_row_is_the_subject_of_a_test() -> None:
 
 
 def test_injectors_are_of_rows() -> None:
-    assert set(INJECTORS) <= set(CATALOGUE)
+    assert set(injectors()) <= set(CATALOGUE)

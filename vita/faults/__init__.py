@@ -4,8 +4,8 @@ The page's buttons and the tests use the same injectors, so that what people can
 """
 
 from vita.faults.catalogue import CATALOGUE, Row
-from vita.faults.registry import INJECTORS, inject, injector
+from vita.faults.registry import inject, injector, injectors
 from vita.faults.site import Site
 from vita.faults.tap import Tap
 
-__all__ = ["CATALOGUE", "INJECTORS", "Row", "Site", "Tap", "inject", "injector"]
+__all__ = ["CATALOGUE", "Row", "Site", "Tap", "inject", "injector", "injectors"]

@@ -48,7 +48,7 @@ _ROWS = (
     Row("V13", "A tracker's code fails", "degraded", "same period", "drag it back"),
     # What the task asks.
     Row("T1", "Start without a constraint", "refused", "at once", "draw a constraint"),
-    Row("T2", "Fewer constraints than joints", "hold", "after learning", "add a constraint or leave out a joint"),
+    Row("T2", "Fewer constraints than joints", "hold", "after learning", "draw more or use fewer joints"),
     Row("T3", "More constraints than joints", "harmless", "", NOTHING),
     Row("T4", "Two goals for one point", "hold", "when stalled", FIX),
     Row("T5", "A line without length", "refused", "at once", FIX),

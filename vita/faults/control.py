@@ -1,0 +1,3 @@
+"""Faults of what the servo does (rows C)."""
+
+from __future__ import annotations

@@ -1,0 +1,3 @@
+"""Faults of what happens to files (rows P)."""
+
+from __future__ import annotations

@@ -1,0 +1,3 @@
+"""Faults of what the task asks (rows T)."""
+
+from __future__ import annotations

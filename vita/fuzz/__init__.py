@@ -1,0 +1,1 @@
+"""Hostile input by the thousand, as commands: `vita fuzz` and `vita soak`."""
