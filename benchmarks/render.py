@@ -11,7 +11,8 @@ import time
 
 import numpy as np
 
-from vita.sim.camera import PinholeCamera, look_at, pose_matrix
+from vita.poses import look_at, pose_matrix
+from vita.sim.camera import PinholeCamera
 from vita.sim.environment import build_environment
 from vita.sim.objects import OBJECT_KINDS, build_object
 from vita.sim.render_gl import GlRenderer

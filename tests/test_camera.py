@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from vita.errors import BadInput, UnknownName
+from vita.poses import look_at, pose_matrix, rpy_matrix
 from vita.scenario.schema import CameraSpec
-from vita.sim.camera import PinholeCamera, camera_pose, look_at, mounted, pose_matrix, rpy_matrix
+from vita.sim.camera import PinholeCamera, camera_pose, mounted
 
 degrees = st.floats(-180, 180)
 metres = st.floats(-2, 2)

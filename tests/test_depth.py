@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from vita.errors import BadInput
+from vita.poses import look_at, pose_matrix
 from vita.scenario.schema import CameraSpec, ObjectSpec, Scenario, SceneSpec
 from vita.scenario.toml_io import dumps, loads
-from vita.sim.camera import PinholeCamera, look_at, pose_matrix
+from vita.sim.camera import PinholeCamera
 from vita.sim.camera_view import CameraView
 from vita.sim.depth_sensor import DepthSensor
 from vita.sim.live import LiveRig

@@ -41,7 +41,7 @@ def room(path: Path) -> str:
 
 PURE = [f for f in FILES if room(f) in ("constraints", "servo", "stereo", "impedance")]
 ALLOWED_IN_PURE = {"numpy", "scipy", "vita.types", "vita.errors", "vita.constraints", "vita.servo"}
-ALLOWED_IN_STEREO = {"numpy", "scipy", "vita.types", "vita.errors", "vita.stereo"}
+ALLOWED_IN_STEREO = {"numpy", "scipy", "vita.types", "vita.errors", "vita.poses", "vita.stereo"}
 ALLOWED_IN_IMPEDANCE = ALLOWED_IN_STEREO | {"vita.impedance", "vita.servo"}
 """The second mode knows cameras and arm by their drawings; nothing of the simulation."""
 ALLOWED = {"stereo": ALLOWED_IN_STEREO, "impedance": ALLOWED_IN_IMPEDANCE}

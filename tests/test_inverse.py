@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -129,5 +131,16 @@ def test_what_cannot_be_solved_is_refused() -> None:
         solve(arm, READY["wam4"], np.eye(3))
     with pytest.raises(BadInput):
         solve(arm, READY["wam4"], np.full((4, 4), np.nan))
+    crossed = replace(arm, joints=(replace(arm.joints[0], lower=1.0, upper=-1.0), *arm.joints[1:]))
     with pytest.raises(BadInput):
-        ranges(arm, margin=3.0)
+        ranges(crossed)
+
+
+def test_a_joint_with_hardly_any_range_keeps_half_of_it() -> None:
+    arm = ARMS["wam4"]
+    narrow = replace(arm, joints=(replace(arm.joints[0], lower=0.1, upper=0.12), *arm.joints[1:]))
+    lower, upper = ranges(narrow)
+    assert (lower[0], upper[0]) == pytest.approx((0.105, 0.115))
+    assert (lower <= upper).all()
+    pinned = replace(arm, joints=(replace(arm.joints[0], lower=0.1, upper=0.1), *arm.joints[1:]))
+    assert ranges(pinned)[0][0] == ranges(pinned)[1][0] == pytest.approx(0.1)

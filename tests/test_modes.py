@@ -103,6 +103,49 @@ def test_a_camera_that_repeats_itself_holds_the_arm_and_is_named(engine: Engine)
     engine.apply(cmd.Perform("unfreeze_camera", {"camera": "right"}))
 
 
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("turn", "yes"), ("follow", 1), ("table_z", "x"), ("table_z", float("nan")), ("tool_marker", "7"),
+        ("target_marker", 2.5), ("moved_frames", "5"), ("tool_marker_m", True), ("offset_xyz", "abc"),
+        ("offset_xyz", (1.0, 2.0)), ("tool_tip_xyz", (0.0, 0.0, float("inf"))), ("left", 3), ("mass_kg", "1"),
+    ],
+)  # fmt: skip
+def test_a_setting_of_the_wrong_type_is_refused_by_its_name_and_nothing_changes(
+    engine: Engine, field: str, value: object
+) -> None:
+    before = engine.present()
+    with pytest.raises(BadInput, match=f"impedance.{field}"):
+        engine.apply(cmd.SetImpedance(field, value))
+    assert engine.present() == before
+
+
+def test_a_file_whose_repulsion_could_hold_nothing_off_is_refused_when_it_is_read() -> None:
+    text = dumps(SCENARIO).replace("[impedance]", "[impedance]\npush_n = 0.5\npull_n = 90.0", 1)
+    with pytest.raises(BadInput, match="impedance"):
+        loads(text)
+
+
+def test_what_a_covered_depth_camera_cannot_see_is_not_taken_for_free_space() -> None:
+    scenario = vita.load("keep_clear")
+    with LockstepRig(scenario) as rig:
+        engine = Engine(rig, scenario)
+        engine.apply(cmd.Start())
+        ticks(engine, 20)
+        assert engine.moving
+        camera = scenario.impedance.depth
+        at, size = [320, 240], 300.0
+        engine.apply(cmd.Perform("cover", {"camera": camera, "at": at, "size_px": size}))
+        ticks(engine, 4)
+        assert (engine.status.state, engine.status.reason) == ("hold", "depth_blind")
+        assert repr(camera) in engine.status.message and engine.last_step is None
+        engine.apply(cmd.Perform("uncover", {"camera": camera}))
+        ticks(engine, 4)
+        engine.apply(cmd.Start())
+        ticks(engine, 5)
+        assert engine.moving
+
+
 def test_the_check_says_what_each_camera_sees_and_whether_the_goal_is_in_reach() -> None:
     from vita.scenario.checkup import check_up
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from vita.poses import pose_matrix
 from vita.scenario.schema import ObjectSpec
-from vita.sim.camera import pose_matrix
 from vita.sim.motions import TURN_DEG, Carry, Motion
 from vita.sim.props import Props
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from vita.errors import BadInput, UnknownName
+from vita.poses import pose_matrix
 from vita.scenario.schema import ObjectSpec
 from vita.sim import people
-from vita.sim.camera import pose_matrix
 from vita.sim.meshes import ear_clip, slab_visuals
 from vita.sim.objects import OBJECT_KINDS, build_object
 from vita.sim.obstacles import obstacle_capsules

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from vita.errors import BadInput, UnknownName
-from vita.sim.camera import PinholeCamera, look_at, pose_matrix
+from vita.poses import look_at, pose_matrix
+from vita.sim.camera import PinholeCamera
 from vita.sim.meshes import box_visual, cylinder_visual, sheet_visual, sphere_visual
 from vita.sim.objects import build_object
 from vita.sim.render import STILL_AFTER, make_renderer

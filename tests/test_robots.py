@@ -12,8 +12,9 @@ import trimesh
 from vita import cli
 from vita.assets import asset
 from vita.errors import BadInput, MissingDependency, UnknownName
+from vita.poses import look_at
 from vita.scenario.library import welcome
-from vita.sim.camera import PinholeCamera, look_at
+from vita.sim.camera import PinholeCamera
 from vita.sim.dh import DHChain
 from vita.sim.hand import hand_visuals
 from vita.sim.hidden_faces import inside

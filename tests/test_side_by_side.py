@@ -34,7 +34,7 @@ from vita.experiments.side_by_side_tasks import (
 )
 from vita.experiments.stereo_cases import robot
 from vita.impedance.inverse import solve
-from vita.impedance.perception import placed
+from vita.poses import pose_matrix
 from vita.stereo.rotations import angle_between
 from vita.vision.marker_pose import marker_pose
 
@@ -98,7 +98,7 @@ def test_what_is_taught_through_right_cameras_is_the_drawing_and_through_wrong_o
     # Seen through the same cameras, the goal is where the tool was seen.
     seen, sizes = world.shown, {"tool": drawn.tool_marker_m, "target": drawn.target_marker_m}
     tool, target = (marker_pose(world.believed, seen[n], sizes[n]).T_left_marker for n in ("tool", "target"))
-    offset = placed(wrong.offset_xyz, wrong.offset_rpy_deg)
+    offset = pose_matrix(wrong.offset_xyz, wrong.offset_rpy_deg)
     assert np.allclose(target @ offset @ T_TOOL_MARKER, tool, atol=1e-9)
     assert np.allclose(world.goal(), task.T_goal)  # The truth by which it is judged stays the drawing's.
 

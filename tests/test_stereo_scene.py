@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from vita.errors import BadInput, UnknownName
 from vita.impedance.config import ImpedanceConfig
+from vita.poses import pose_matrix
 from vita.scenario.schema import CameraSpec, ObjectSpec, Scenario, SceneSpec, ScriptSpec
 from vita.scenario.validate import validate
-from vita.sim.camera import camera_pose, pose_matrix
+from vita.sim.camera import camera_pose
 from vita.sim.live import LiveRig
 from vita.sim.lockstep import LockstepRig
 from vita.sim.robots import load_robot

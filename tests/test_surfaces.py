@@ -7,9 +7,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from vita.errors import BadInput
+from vita.poses import look_at, pose_matrix
 from vita.scenario.schema import ObjectSpec, SceneSpec
 from vita.sim.arm_hull import arm_hull, scene_hull, skeleton_radii
-from vita.sim.camera import PinholeCamera, look_at, pose_matrix
+from vita.sim.camera import PinholeCamera
 from vita.sim.depth_sensor import DepthSensor
 from vita.sim.environment import build_environment
 from vita.sim.meshes import box_visual, sphere_visual

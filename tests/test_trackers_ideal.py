@@ -8,9 +8,9 @@ from sim_rig import GOAL, KinematicRig, scenario
 
 from vita.editing import Editor
 from vita.errors import BadInput, UnknownName
+from vita.poses import look_at
 from vita.scenario.schema import CameraSpec, NoiseSpec
 from vita.scenario.toml_io import dumps, loads
-from vita.sim.camera import look_at
 from vita.sim.truth import GroundTruth
 from vita.types import Feature
 from vita.vision import ProjectedTracker, make_tracker, tracker_seed

@@ -38,6 +38,9 @@ RELEARN = ("tool_marker", "target_marker", "tool_marker_m", "target_marker_m", "
 
 HELD_M = 0.18
 """So much about the target's centre belongs to the target and the hand that holds it [m]."""
+BLIND_SHARE, BLIND_PICTURES = 0.1, 3
+"""A depth picture that could not be measured in more than this share of its pixels shows too little to move
+by, and so many of them on end stop the arm: what is not seen is not free."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,11 @@ class DepthEye:
     T_left_depth: Array
     """(4, 4)."""
     hull: ArmHull
+
+    def blind(self, depths: Mapping[str, Any]) -> bool:
+        """Whether the picture is missing, or unmeasured in too large a part."""
+        depth = depths.get(self.name)
+        return depth is None or float(np.isnan(depth).mean()) > BLIND_SHARE
 
     def surface(
         self,
@@ -88,10 +96,7 @@ class Following:
         self._depth = self._depth_camera(cameras, config)
         self._around = Surroundings(())
         self._seen: Observation | None = None
-
-    def live(self, field: str) -> bool:
-        """Whether a setting may be changed while the arm moves."""
-        return field in LIVE
+        self._blind_for = 0
 
     def configure(self, config: ImpedanceConfig, field: str) -> None:
         """Put changed settings in force. Raises `BadInput` where they do not fit together."""
@@ -151,12 +156,18 @@ class Following:
         if self._depth is None:
             return Surroundings(tuple(self._rig.obstacles()))
         controller = self.controller
+        self._blind_for = self._blind_for + 1 if self._depth.blind(seen.depths) else 0
+        if self._blind_for >= BLIND_PICTURES and controller.moving:
+            controller.halt("depth_blind", culprit=repr(self._depth.name))
         known = controller.perception.estimate
-        if known is None or controller.perception.moved.suspicious:
+        if known is None:
             return Surroundings(())
+        if self._blind_for or controller.perception.moved.suspicious:
+            return self._around  # What stood there a moment ago has not gone because it is not seen.
         target = controller.perception.target_in_base(seen.stamp)
-        q = controller.arm.frames(seen.q)
-        surface = self._depth.surface(seen.depths, known.T_base_left, q, target, controller.config.table_z)
+        surface = self._depth.surface(
+            seen.depths, known.T_base_left, controller.frames, target, controller.config.table_z
+        )
         return Surroundings((), surface=surface)
 
     @property

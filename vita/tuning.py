@@ -46,7 +46,9 @@ def _set_impedance(engine: Engine, command: cmd.SetImpedance) -> None:
     config = change_setting(engine.impedance, command.field, command.value, "impedance")
     following = engine.following
     if following is not None:
-        if not following.live(command.field) and engine.moving:
+        from vita.following import LIVE
+
+        if command.field not in LIVE and engine.moving:
             raise NotNow(f"stop the arm first; {command.field} cannot be changed while it moves")
         following.configure(config, command.field)
     engine.impedance = config

@@ -11,12 +11,12 @@ from scipy.spatial.transform import Rotation
 from vita.errors import BadInput
 from vita.experiments.stereo_cases import CONFIG, EYE, LOOK_AT, eased, robot
 from vita.experiments.stereo_runs import RADIUS_M
-from vita.experiments.stereo_world import SIZE_PX, STEEPEST, looking, stereo_rig
+from vita.experiments.stereo_world import SIZE_PX, STEEPEST, stereo_rig
 from vita.impedance.arm_model import ArmModel
 from vita.impedance.inverse import solve
-from vita.impedance.perception import placed
 from vita.impedance.singularity import ElbowReach
 from vita.impedance.view import Capsule
+from vita.poses import look_at, pose_matrix
 from vita.scenario.truth_log import between_segments
 from vita.stereo.base import StereoRig, marker_square
 from vita.stereo.projection import project
@@ -31,10 +31,10 @@ MOVED_M, MOVED_DEG, MOVED_OVER_S = 0.05, 10.0, 1.0
 HAND_EYE_DEG, FOCAL = 5.0, 1.1
 CARRIED_M_S, CIRCLE_M = 0.05, 0.05
 """A goal that is carried goes along a circle of this radius at this speed."""
-T_TOOL_MARKER = placed(CONFIG.tool_marker_xyz, CONFIG.tool_marker_rpy_deg)
+T_TOOL_MARKER = pose_matrix(CONFIG.tool_marker_xyz, CONFIG.tool_marker_rpy_deg)
 TIP = np.array([*CONFIG.tool_tip_xyz, 1.0])
 """The tool's far end in its frame."""
-T_TARGET_GOAL = placed(CONFIG.offset_xyz, CONFIG.offset_rpy_deg)
+T_TARGET_GOAL = pose_matrix(CONFIG.offset_xyz, CONFIG.offset_rpy_deg)
 INSIDE_PX = 25.0
 """So far from the rim of the picture the markers are at start and goal at least."""
 TRIES = 4000
@@ -135,7 +135,7 @@ def draw(robot_name: str, seed: int, sphere: bool = False) -> Task:
     """The task of this number; those with a sphere in the way are longer."""
     random = np.random.default_rng([seed, 17, int(sphere)])
     arm, q0 = robot(robot_name)
-    T_start, left, rig = arm.pose(q0), looking(EYE, LOOK_AT), stereo_rig()
+    T_start, left, rig = arm.pose(q0), look_at(EYE, LOOK_AT), stereo_rig()
     for _ in range(TRIES):
         T_goal = T_start.copy()
         if sphere:
@@ -186,9 +186,7 @@ def _possible(task: Task, arm: ArmModel, rig: StereoRig, sphere: bool) -> bool:
 
 def clearance(arm: ArmModel, q: Array, parts: Sequence[Capsule]) -> float:
     """Smallest distance between the arm's surface, from the elbow on, and the nearest of `parts` [m]."""
-    first = 0 if arm.landmarks is None else arm.landmarks[1]
-    frames = arm.frames(q)
-    joints = np.concatenate([frames[first:, :3, 3], (frames[-1] @ TIP)[None, :3]])
+    joints = arm.outer(arm.frames(q), CONFIG.tool_tip_xyz)
     return min(
         (
             between_segments(a, b, part.start, part.end) - part.radius - RADIUS_M

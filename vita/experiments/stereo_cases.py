@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vita.experiments.stereo_world import Path, Truth, looking
+from vita.experiments.stereo_world import Path, Truth
 from vita.impedance.arm_model import ArmModel
 from vita.impedance.config import ImpedanceConfig
-from vita.impedance.perception import placed
 from vita.impedance.view import Capsule
+from vita.poses import look_at, pose_matrix
 from vita.sim.robots import load_robot
 from vita.types import Array
 
@@ -47,7 +47,7 @@ def robot(name: str) -> tuple[ArmModel, Array]:
 
 def home(arm: ArmModel, q0: Array, shift: tuple[float, float, float] = (0.0, 0.05, 0.02)) -> Array:
     """(4, 4) a target whose goal is `shift` [m] beside where the tool is at q0."""
-    T = arm.pose(q0) @ np.linalg.inv(placed(CONFIG.offset_xyz, CONFIG.offset_rpy_deg))
+    T = arm.pose(q0) @ np.linalg.inv(pose_matrix(CONFIG.offset_xyz, CONFIG.offset_rpy_deg))
     T[:3, 3] += shift
     return T
 
@@ -63,7 +63,7 @@ def standing(T: Array) -> Path:
 
 
 def _still(arm: ArmModel, q0: Array) -> Truth:
-    return Truth(standing(home(arm, q0)), standing(looking(EYE, LOOK_AT)))
+    return Truth(standing(home(arm, q0)), standing(look_at(EYE, LOOK_AT)))
 
 
 SPEED_M_S, TURN_DEG_S, RADIUS_M = 0.1, 20.0, 0.1
@@ -86,7 +86,7 @@ def _carried(arm: ArmModel, q0: Array) -> Truth:
         T[:3, :3] = Rotation.from_rotvec(turn * np.array([0.0, 0.0, 1.0])).as_matrix() @ T[:3, :3]
         return T
 
-    return Truth(target, standing(looking(EYE, LOOK_AT)))
+    return Truth(target, standing(look_at(EYE, LOOK_AT)))
 
 
 MOVED_S, MOVED_OVER_S = 10.0, 1.0
@@ -95,12 +95,12 @@ MOVED_M, MOVED_DEG = 0.20, 30.0
 
 def _tripod(arm: ArmModel, q0: Array) -> Truth:
     """The tripod is moved by 20 cm and turned by 30 degrees, so that it still sees both markers."""
-    before = looking(EYE, LOOK_AT)
+    before = look_at(EYE, LOOK_AT)
     after = before.copy()
     after[:3, 3] += MOVED_M * np.array([-0.6, 0.8, 0.0])
     # Turned partly about its optical axis, or the markers would leave the picture.
     turn = Rotation.from_rotvec(np.radians(MOVED_DEG) * np.array([0.25, 0.12, 0.96]))
-    after[:3, :3] = looking(after[:3, 3], LOOK_AT)[:3, :3] @ _rest(before, after, turn)
+    after[:3, :3] = look_at(after[:3, 3], LOOK_AT)[:3, :3] @ _rest(before, after, turn)
 
     def left(now: float) -> Array:
         share = eased(now, MOVED_S, MOVED_OVER_S)
@@ -115,7 +115,7 @@ def _tripod(arm: ArmModel, q0: Array) -> Truth:
 
 def _rest(before: Array, after: Array, turn: Rotation) -> Array:
     """(3, 3) the roll by which the whole turn of the tripod comes to 30 degrees."""
-    facing = before[:3, :3].T @ looking(after[:3, 3], LOOK_AT)[:3, :3]
+    facing = before[:3, :3].T @ look_at(after[:3, 3], LOOK_AT)[:3, :3]
     best = min(
         np.linspace(0.0, 60.0, 241),
         key=lambda deg: abs(
@@ -135,14 +135,14 @@ HIDDEN_S, HIDE_RADIUS_M = 9.0, 0.05
 def _hidden(arm: ArmModel, q0: Array) -> Truth:
     """A pole is put between the cameras and the target; then the tripod is carried to where it sees again."""
     target = home(arm, q0)
-    before, after = looking(EYE, LOOK_AT), looking((1.55, 0.55, 0.7), LOOK_AT)
+    before, after = look_at(EYE, LOOK_AT), look_at((1.55, 0.55, 0.7), LOOK_AT)
     middle = before[:3, 3] + 0.1 * before[:3, 0]
     pole = target[:3, 3] + 0.45 * (middle - target[:3, 3])
 
     def left(now: float) -> Array:
         share = eased(now, HIDDEN_S + 2.0, 1.5)
         eye = before[:3, 3] + share * (after[:3, 3] - before[:3, 3])
-        return looking(eye, LOOK_AT)
+        return look_at(eye, LOOK_AT)
 
     def obstacles(now: float) -> list[Capsule]:
         if now < HIDDEN_S:
@@ -183,7 +183,7 @@ def _human(arm: ArmModel, q0: Array) -> Truth:
         y = -0.9 + WALK_M_S * max(0.0, now - WALK_S)
         return [] if y > 0.9 else person_at(np.array([tool[0] + 0.38, tool[1] + y, 0.0]))
 
-    return Truth(carried, standing(looking((2.1, 0.0, 1.05), LOOK_AT)), obstacles)
+    return Truth(carried, standing(look_at((2.1, 0.0, 1.05), LOOK_AT)), obstacles)
 
 
 def _pulled(there: tuple[float, float, float], over: float = 3.0) -> Callable[[ArmModel, Array], Truth]:
@@ -199,7 +199,7 @@ def _pulled(there: tuple[float, float, float], over: float = 3.0) -> Callable[[A
             T[:3, 3] += share * (np.where(np.isnan(there), goal, there) - goal)
             return T
 
-        return Truth(target, standing(looking((2.4, 0.0, 0.9), (0.6, 0.0, 0.4))))
+        return Truth(target, standing(look_at((2.4, 0.0, 0.9), (0.6, 0.0, 0.4))))
 
     return truth
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vita.experiments.stereo_world import FRAME_S, looking, stereo_rig
+from vita.experiments.stereo_world import FRAME_S, stereo_rig
+from vita.poses import look_at
 from vita.stereo.base import MarkerCorners, marker_square
 from vita.stereo.pose_filter import PoseFilter
 from vita.stereo.projection import project
@@ -62,7 +63,7 @@ def filtered(speed_m_s: float, turn_deg_s: float, seed: int, sigma_px: float = 0
     """Root mean square error [mm] over time steps of 1 ms of the filter and of holding the last measurement,
     for a target 1 m away on a circle of 0.1 m (TUM IV-A: pictures each 30 ms, an estimate each 1 ms)."""
     random, rig, size = np.random.default_rng(seed), stereo_rig(800.0), 0.08
-    T_left_base = np.linalg.inv(looking((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    T_left_base = np.linalg.inv(look_at((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
     radius = 0.1
 
     def pose(now: float) -> Array:

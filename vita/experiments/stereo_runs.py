@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vita.experiments.stereo_cases import CASES, CONFIG, home, robot, standing
-from vita.experiments.stereo_world import StereoWorld, Truth, looking
+from vita.experiments.stereo_world import StereoWorld, Truth
 from vita.impedance.arm_model import ArmModel
 from vita.impedance.view import Capsule
+from vita.poses import look_at
 from vita.scenario.truth_log import between_segments
 from vita.types import Array
 
@@ -91,9 +92,7 @@ def record(world: StereoWorld, seconds: float, case: str, robot_name: str) -> St
         target, parts = world.truth.target(now), world.truth.obstacles(now)
         world.tick()
         seen = world.controller.perception.tool_seen
-        elbow = world.arm.landmarks[1] if world.arm.landmarks else 0
-        tip = frames[-1, :3, :3] @ world.config.tool_tip_xyz + frames[-1, :3, 3]
-        joints = np.concatenate([frames[elbow:, :3, 3], tip[None]])
+        joints = world.arm.outer(frames, world.config.tool_tip_xyz)
         rows.append(
             (
                 now, (frames[-1] @ world.T_tool_marker)[:3, 3], np.full(3, np.nan) if seen is None else seen,
@@ -169,7 +168,7 @@ def _crossing(robot_name: str, seed: int) -> Crossing:
         place = through + gone * way
         return [] if not -lead <= gone <= lead + 0.1 else [Capsule("ball", place, place, radius)]
 
-    truth = Truth(standing(home(arm, q0)), standing(looking((1.75, 0.0, 0.65), (0.55, 0.0, 0.35))), obstacles)
+    truth = Truth(standing(home(arm, q0)), standing(look_at((1.75, 0.0, 0.65), (0.55, 0.0, 0.35))), obstacles)
     seconds = CROSS_S + (2 * lead + 0.1) / speed + 2.5
     world = StereoWorld(arm, q0, truth, replace(CONFIG), sigma_px=SIGMA_PX, seed=seed)
     run = record(world, seconds, "crossing", robot_name)

@@ -16,8 +16,9 @@ from vita.impedance.arm_model import ArmModel
 from vita.impedance.config import ImpedanceConfig
 from vita.impedance.controller import ImpedanceController
 from vita.impedance.dynamics import Surroundings
-from vita.impedance.perception import Seen, placed
+from vita.impedance.perception import Seen
 from vita.impedance.view import Capsule
+from vita.poses import pose_matrix
 from vita.servo.gate import Gate
 from vita.stereo.base import Lens, MarkerCorners, StereoRig, marker_square
 from vita.stereo.projection import project
@@ -82,8 +83,8 @@ class StereoWorld:
         self._sigma, self._noise = sigma_px, np.random.default_rng(seed)
         self.believed = truth.rig if believed is None else believed
         self.controller = ImpedanceController(self.arm, self.believed, config, radii)
-        self.T_tool_marker = placed(config.tool_marker_xyz, config.tool_marker_rpy_deg)
-        self.T_target_goal = placed(config.offset_xyz, config.offset_rpy_deg)
+        self.T_tool_marker = pose_matrix(config.tool_marker_xyz, config.tool_marker_rpy_deg)
+        self.T_target_goal = pose_matrix(config.offset_xyz, config.offset_rpy_deg)
 
     # ---- one pair of pictures --------------------------------------------------------------------
 
@@ -146,14 +147,3 @@ class StereoWorld:
         seen = self.controller.perception.tool_seen
         truth = (self.arm.pose(self.q) @ self.T_tool_marker)[:3, 3]
         return np.nan if seen is None else float(np.linalg.norm(seen - truth))
-
-
-def looking(eye: Sequence[float] | Array, at: Sequence[float] | Array) -> Array:
-    """(4, 4) pose of a camera at `eye` that looks at a point, upright."""
-    forward = np.subtract(at, eye).astype(float)
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    T = np.eye(4)
-    T[:3, 0], T[:3, 1], T[:3, 2], T[:3, 3] = right, np.cross(forward, right), forward, eye
-    return T

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Report:
-    """The outcome of a fuzzer: `run(seconds, seed) -> Report`, deterministic in what it tries, not how far."""
+    """The outcome of a fuzzer, `run(seconds, seed) -> Report`."""
 
     name: str
     tried: int

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -64,6 +65,13 @@ class ArmModel:
         K[:, 0, 1], K[:, 0, 2], K[:, 1, 2] = -z, y, -x
         K[:, 1, 0], K[:, 2, 0], K[:, 2, 1] = z, -y, x
         return self.before @ K, self.before @ K @ K
+
+    def outer(self, frames: Array, tip_xyz: Sequence[float] | Array) -> Array:
+        """(k, 3) corners of the arm's outer part as a chain of segments: from the elbow, where it has one, to
+        the tool's far end `tip_xyz` (3,) in the tool's frame [m]. `frames` come from `frames(q)`."""
+        first = 0 if self.landmarks is None else self.landmarks[1]
+        tip = frames[-1, :3, :3] @ np.asarray(tip_xyz, dtype=float) + frames[-1, :3, 3]
+        return np.concatenate([frames[first:, :3, 3], tip[None]])
 
     def pose(self, q: Array) -> Array:
         """(4, 4) T_base_tool at q (n,) [rad]."""

@@ -136,24 +136,50 @@ class ImpedanceConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self, "impedance")
-        path = "impedance."
+        for name in ("left", "right", "depth"):
+            if not isinstance(getattr(self, name), str):
+                raise BadInput(f"expected a camera's name, got {getattr(self, name)!r}", f"impedance.{name}")
+        for name in ("turn", "follow"):
+            if not isinstance(getattr(self, name), bool):
+                raise BadInput(f"expected true or false, got {getattr(self, name)!r}", f"impedance.{name}")
+        for name, lowest, highest in (
+            ("tool_marker", 0, 249), ("target_marker", 0, 249), ("moved_frames", 1, 100),
+        ):  # fmt: skip
+            _check_whole(getattr(self, name), lowest, highest, f"impedance.{name}")
+        for name, lowest, highest in (
+            ("tool_marker_m", 0.005, 1.0), ("target_marker_m", 0.005, 1.0), ("table_z", -1.0, 2.0),
+        ):  # fmt: skip
+            _check_number(getattr(self, name), lowest, highest, f"impedance.{name}")
+        for name in VECTORS:
+            object.__setattr__(self, name, _vector(getattr(self, name), f"impedance.{name}"))
         if self.left == self.right:
             raise BadInput(f"two different cameras are needed, both are {self.left!r}", "impedance.right")
         if self.tool_marker == self.target_marker:
             why = f"tool and target need different markers, both have {self.tool_marker}"
-            raise BadInput(why, path + "target_marker")
-        for name in ("tool_marker", "target_marker"):
-            if isinstance(getattr(self, name), bool) or not 0 <= getattr(self, name) <= 249:
-                raise BadInput(f"marker numbers are 0 to 249, got {getattr(self, name)!r}", path + name)
-        for name in ("tool_marker_m", "target_marker_m"):
-            if not 0.005 <= getattr(self, name) <= 1.0:
-                raise BadInput(f"must be 0.005 to 1 m, got {getattr(self, name)}", path + name)
-        vectors = ("tool_marker_xyz", "tool_marker_rpy_deg", "tool_tip_xyz", "offset_xyz", "offset_rpy_deg")
-        for name in vectors:
-            values = np.asarray(getattr(self, name), dtype=float)
-            if values.shape != (3,) or not np.isfinite(values).all() or np.abs(values).max() > 3600:
-                raise BadInput(f"expected three finite numbers, got {getattr(self, name)!r}", path + name)
-        if not -1.0 <= self.table_z <= 2.0:
-            raise BadInput(f"{self.table_z} is outside -1 to 2 m", "impedance.table_z")
-        if isinstance(self.moved_frames, bool) or not 1 <= self.moved_frames <= 100:
-            raise BadInput(f"must be 1 to 100, got {self.moved_frames!r}", "impedance.moved_frames")
+            raise BadInput(why, "impedance.target_marker")
+
+
+VECTORS = ("tool_marker_xyz", "tool_marker_rpy_deg", "tool_tip_xyz", "offset_xyz", "offset_rpy_deg")
+
+
+def _check_whole(value: object, lowest: int, highest: int, path: str) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or not lowest <= value <= highest:
+        raise BadInput(f"expected a whole number from {lowest} to {highest}, got {value!r}", path)
+
+
+def _check_number(value: object, lowest: float, highest: float, path: str) -> None:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not number or not lowest <= value <= highest:  # type: ignore[operator]
+        raise BadInput(f"expected a number from {lowest:g} to {highest:g} m, got {value!r}", path)
+
+
+def _vector(value: object, path: str) -> Vector3:
+    """Three finite numbers of at most 3600, as a client or a file may give them."""
+    try:
+        values = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        values = np.array(np.nan)
+    if values.shape != (3,) or not np.isfinite(values).all() or np.abs(values).max() > 3600:
+        raise BadInput(f"expected three finite numbers, got {value!r}", path)
+    x, y, z = values.tolist()
+    return x, y, z

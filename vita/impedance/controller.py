@@ -32,6 +32,11 @@ LOOK_S = 5.0
 """How long to look for the tool's marker before giving up [s]."""
 HIDDEN_S = 1.0
 """A tool that was not seen for so long is not moved on: nobody could tell whether the cameras stand [s]."""
+RETREAT_S = 1.5
+"""A target that has been out of sight for longer may be covered by the arm itself, which then goes back to
+where it was when the target was seen last [s]."""
+GONE_M, BACK_M = 0.02, 0.002
+"""It goes back when it has moved further than the first, and until it is nearer than the second [m]."""
 STILL_S = 0.5
 """The tool must have kept to its goal for so long to be done [s]."""
 
@@ -58,6 +63,11 @@ class ImpedanceController:
         self._last = -np.inf
         self._since = 0.0
         self._arrived: float | None = None
+        self._sighted: Array | None = None
+        self._retreating = False
+        self._q: Array | None = None
+        self.frames: Array = arm.frames(np.zeros(arm.n))
+        """(n + 1, 4, 4) of the arm at the last pictures, the tool's last."""
 
     # ---- what people can ask -------------------------------------------------------------------
 
@@ -82,6 +92,7 @@ class ImpedanceController:
     def start(self) -> None:
         """Learn where the cameras stand, if that is not known, then follow."""
         self._begin, self._wiggle, self._arrived, self._motion = None, None, None, None
+        self._sighted = None
         if self.perception.estimate is None:
             self._to_looking()
         else:
@@ -107,8 +118,8 @@ class ImpedanceController:
 
     def see(self, stamp: float, q: Array, seen: Mapping[str, Seen]) -> None:
         """Take in what two pictures taken at `stamp` show of tool and target; q (n,) was measured then."""
-        self._seen, self._frames = seen, self.arm.frames(q)
-        if not self.perception.see(stamp, self._frames[-1], seen):
+        self._seen, self._q, self.frames = seen, q, self.arm.frames(q)
+        if not self.perception.see(stamp, self.frames[-1], seen):
             return
         self.perception.forget_cameras()
         self.notice = "The cameras have been moved. The arm learns anew where they stand."
@@ -139,7 +150,7 @@ class ImpedanceController:
         if self.phase == "looking":
             return self._look(stamp)
         if self.phase == "calibrating":
-            return self._calibrate(stamp)
+            return self._calibrate(stamp, now)
         return self._follow(stamp, now)
 
     def _look(self, stamp: float) -> None:
@@ -150,22 +161,23 @@ class ImpedanceController:
             self.perception.forget_cameras()
             self.phase = "calibrating"
             self.status = Status("learning", self.status.reason, "Learning where the cameras stand.")
-            self._wiggle = Wiggle(self._frames[-1], self._config.wiggle_m, stamp)
+            self._wiggle = Wiggle(self.frames[-1], self._config.wiggle_m, stamp)
             return
         limit = self._config.patience_s if self.status.reason else LOOK_S
         if stamp - self._begin > limit:
             self.halt("tool_unseen", culprit=self._hidden("tool"))
 
-    def _calibrate(self, stamp: float) -> Goal | None:
+    def _calibrate(self, stamp: float, now: float) -> Goal | None:
         assert self._wiggle is not None
         known = self.perception.estimate
         if known is not None and known.rotation_sd_deg < SURE_DEG and self._wiggle.progress >= 0.6:
             self._to_following()
-            return self._follow(stamp, stamp)
+            self._since = stamp  # Time that went into looking for the cameras does not count as waiting.
+            return self._follow(stamp, now)
         if self._wiggle.over:
             self.halt("not_calibrated", culprit=self._hidden("tool"))
             return None
-        return self._wiggle.goal(stamp, self._frames[-1][:3, 3])
+        return self._wiggle.goal(stamp, self.frames[-1][:3, 3])
 
     def _follow(self, stamp: float, now: float) -> Goal | None:
         goal, unseen = self.perception.goal(stamp, now), "target"
@@ -174,7 +186,7 @@ class ImpedanceController:
         if goal is not None:
             if self.phase == "waiting":
                 self._to_following()
-            self._since = stamp
+            self._since, self._sighted = stamp, self.frames[-1].copy()
             self._check_done(stamp)
             return goal
         if self.phase != "waiting" and stamp - self._since > BRIDGED_S / 2:
@@ -184,14 +196,25 @@ class ImpedanceController:
         if stamp - self._since > self._config.patience_s:
             self.halt("target_unseen", culprit=self._hidden(unseen), timeout=self._config.patience_s)
         self._arrived = None
-        return None
+        return self._retreat(stamp) if unseen == "target" else None
+
+    def _retreat(self, stamp: float) -> Goal | None:
+        """Back to where the tool was when the target was seen last: an arm that gave way to somebody may have
+        come to stand between target and cameras, and nobody else would end that."""
+        if self._sighted is None or stamp - self._since < RETREAT_S or not self.moving:
+            self._retreating = False
+            return None
+        gone = float(np.linalg.norm(self.frames[-1][:3, 3] - self._sighted[:3, 3]))
+        # An arm that has hardly moved covers nothing that it did not cover before, and stays where it is.
+        self._retreating = gone > (BACK_M if self._retreating else GONE_M)
+        return Goal(self._sighted, np.zeros(3), np.zeros(3)) if self._retreating else None
 
     def _check_done(self, stamp: float) -> None:
         config = self._config
         if config.follow:
             return
         assert self._begin is not None
-        gap, angle = self.perception.errors(stamp, self._frames[-1])
+        gap, angle = self.perception.errors(stamp, self.frames[-1])
         turned = not self.impedance.turns or np.degrees(angle) <= config.done_deg
         if not (1e3 * gap <= config.done_mm and turned):
             self._arrived = None
@@ -233,7 +256,7 @@ class ImpedanceController:
     def view(self, stamp: float, q: Array, around: Surroundings) -> ImpedanceView:
         """What the page and recordings show, at the pictures of `stamp`."""
         perception, motion = self.perception, self._motion
-        T_base_tool = self.arm.pose(q)
+        T_base_tool = self.frames[-1] if q is self._q else self.arm.pose(q)
         known = perception.estimate
         gap, angle = perception.errors(stamp, T_base_tool)
         goal = perception.goal(stamp, stamp)

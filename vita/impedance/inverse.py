@@ -52,12 +52,14 @@ class Step:
 
 
 def ranges(arm: ArmModel, margin: float = MARGIN_RAD) -> tuple[Array, Array]:
-    """(n,), (n,) lowest and highest joint positions, `margin` inside the arm's limits [rad]."""
-    lower = np.array([joint.lower for joint in arm.joints]) + margin
-    upper = np.array([joint.upper for joint in arm.joints]) - margin
-    if (lower >= upper).any():
-        raise BadInput(f"no range is left inside the limits with a margin of {margin} rad", arm.name)
-    return lower, upper
+    """(n,), (n,) lowest and highest joint positions, `margin` inside the arm's limits [rad]; a joint with
+    hardly any range keeps half of it, as it does at the gate."""
+    lower = np.array([joint.lower for joint in arm.joints])
+    upper = np.array([joint.upper for joint in arm.joints])
+    if (lower > upper).any():
+        raise BadInput("a lower joint limit is above the upper one", arm.name)
+    inside = np.minimum(margin, (upper - lower) / 4)
+    return lower + inside, upper - inside
 
 
 def damped_inverse(J: Array, small: float) -> Array:

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from vita.impedance.config import ImpedanceConfig
 from vita.impedance.dynamics import Goal
+from vita.poses import pose_matrix
 from vita.stereo.base import BaseFromCamera, MarkerCorners, PoseSight, StereoRig
 from vita.stereo.moved_rig import MovedRig
 from vita.stereo.online_calibration import OnlineCalibration
@@ -27,7 +28,8 @@ BRIDGED_S = 0.4
 """A target that was not seen for so long is no longer followed [s]."""
 BIAS_S = 0.3
 """Time over which the difference between the tool as seen and as calculated is averaged [s]."""
-FRAME_S = 1 / 30
+LONGEST_S = 0.1
+"""After a gap the mean moves on as over this time, however long it was [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,7 @@ class Perception:
         self._rig = rig
         self.calibration = OnlineCalibration()
         self._watched: tuple[float, int] = (np.nan, 0)
+        self._goals: dict[tuple[float, float], Goal | None] = {}
         self.configure(config)
         self.forget()
 
@@ -55,8 +58,9 @@ class Perception:
         if watched != self._watched:
             self._watched, self.moved = watched, MovedRig(1e-3 * config.moved_mm, config.moved_frames)
         self.config = config
-        self._T_tool_marker = placed(config.tool_marker_xyz, config.tool_marker_rpy_deg)
-        self._T_target_goal = placed(config.offset_xyz, config.offset_rpy_deg)
+        self._goals = {}
+        self._T_tool_marker = pose_matrix(config.tool_marker_xyz, config.tool_marker_rpy_deg)
+        self._T_target_goal = pose_matrix(config.offset_xyz, config.offset_rpy_deg)
 
     def forget(self) -> None:
         """Forget what was seen, and where the cameras stand."""
@@ -68,6 +72,7 @@ class Perception:
         """The cameras stand elsewhere: pairs from before are worth nothing."""
         self.calibration.restart()
         self.moved.restart()
+        self._goals = {}
         self.tool_seen: Array | None = None
         self._in_sight, self._bias = False, np.zeros(3)
 
@@ -88,6 +93,7 @@ class Perception:
 
         T_base_tool: (4, 4) by the joints, at `stamp`. seen: `tool`, `target` to what was seen of it.
         """
+        self._goals = {}
         target = seen.get("target")
         if target is not None and target.corners.seen:
             self.target.update(stamp, target.corners, target.pose)
@@ -98,6 +104,7 @@ class Perception:
             self._in_sight, self.tool_seen = False, None
             return self.moved.update(None)
         x_left = sight.pose.T_left_marker[:3, 3]
+        span = min(stamp - self._tool_stamp, LONGEST_S)
         self._in_sight, self._tool_stamp = True, stamp
         self.moved.watch(stamp, x_base, x_left)
         covariance = sight.pose.covariance[:3, :3]
@@ -112,7 +119,7 @@ class Perception:
         if self.moved.update(residual, R @ covariance @ R.T, spread):
             return True
         off = x_left - R.T @ (x_base - known.T_base_left[:3, 3])
-        self._bias += FRAME_S / BIAS_S * (off - self._bias)
+        self._bias += span / BIAS_S * (off - self._bias)
         if not self.moved.suspicious:
             self.calibration.add(stamp, x_base, x_left, covariance)
         return False
@@ -131,6 +138,12 @@ class Perception:
     def goal(self, stamp: float, later: float) -> Goal | None:
         """Where the tool is to be at the time `later`, judged by the pictures of `stamp`; None while the
         target, or where the cameras stand, is not known."""
+        asked = stamp, later
+        if asked not in self._goals:  # Control, verdict and page ask for the same.
+            self._goals[asked] = self._goal(stamp, later)
+        return self._goals[asked]
+
+    def _goal(self, stamp: float, later: float) -> Goal | None:
         known, target, ahead = self.estimate, self.target.at(stamp), self.target.at(later)
         if known is None or target is None or ahead is None or target.age_s > BRIDGED_S:
             return None
@@ -161,14 +174,6 @@ class Perception:
     def marker_by_joints(self, T_base_tool: Array) -> Array:
         """(3,) the centre of the tool's marker in the base frame."""
         return (T_base_tool @ self._T_tool_marker)[:3, 3]
-
-
-def placed(xyz: tuple[float, float, float], rpy_deg: tuple[float, float, float]) -> Array:
-    """(4, 4) pose from a position [m] and (roll, pitch, yaw) [deg], as Rz(yaw) Ry(pitch) Rx(roll)."""
-    T = np.eye(4)
-    T[:3, :3] = Rotation.from_euler("xyz", rpy_deg, degrees=True).as_matrix()
-    T[:3, 3] = xyz
-    return T
 
 
 def moved(T: Array, point: Array) -> Array:

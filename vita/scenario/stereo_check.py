@@ -8,7 +8,7 @@ import numpy as np
 
 from vita.engine import Engine
 from vita.impedance.inverse import solve
-from vita.impedance.perception import placed
+from vita.poses import pose_matrix
 from vita.scenario.schema import Scenario
 from vita.servo.insight import Finding
 from vita.servo.limits import within_gate
@@ -66,7 +66,7 @@ def _goal(engine: Engine, scenario: Scenario) -> list[Finding]:
         return [Finding("warning", "no_target", text)]
     arm, seen = engine.rig.arm_model(), engine.observation
     arm = replace(arm, joints=within_gate(engine.rig.joints))
-    T_base_goal = engine.rig.poses()[targets[0]] @ placed(config.offset_xyz, config.offset_rpy_deg)
+    T_base_goal = engine.rig.poses()[targets[0]] @ pose_matrix(config.offset_xyz, config.offset_rpy_deg)
     turn = config.turn and arm.n >= 6
     solution = solve(arm, seen.q, T_base_goal, turn=turn)
     if solution.position_error_m > NEAR_M or (turn and solution.angle_error_rad > NEAR_RAD):

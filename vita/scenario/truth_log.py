@@ -11,9 +11,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vita.errors import BadInput
+from vita.poses import pose_matrix
 from vita.rig import SimulatedRig
 from vita.scenario.schema import ClearanceSpec, FollowSpec, Scenario
-from vita.sim.camera import pose_matrix
 from vita.snapshot import Snapshot
 from vita.types import Array, frozen
 
@@ -78,10 +78,7 @@ class TruthLog:
     def _distance(self, spec: ClearanceSpec, q: Array) -> float:
         """Smallest distance between the arm's skeleton, from the elbow to the tool's tip, and a body [m]."""
         assert self._arm is not None
-        elbow = self._arm.landmarks[1] if self._arm.landmarks else 0
-        frames = self._arm.frames(q)
-        tip = frames[-1, :3, :3] @ self._tip + frames[-1, :3, 3]
-        joints = np.concatenate([frames[elbow:, :3, 3], tip[None]])
+        joints = self._arm.outer(self._arm.frames(q), self._tip)
         if spec.to == "table":
             return float(joints[:, 2].min())
         parts = [part for part in self._rig.obstacles() if part.body == spec.to]

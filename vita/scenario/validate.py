@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from vita.errors import BadInput, UnknownName
+from vita.impedance.repulsion import check_balance
 from vita.scenario import names
 from vita.scenario.actions import checked_action
 from vita.scenario.limits import check_numbers
@@ -277,6 +278,7 @@ def _check_mode(scenario: Scenario, cameras: Mapping[str, CameraSpec]) -> None:
     if scenario.impedance.depth:
         known("depth camera", scenario.impedance.depth, [n for n, c in cameras.items() if c.depth],
               "impedance.depth")  # fmt: skip
+    check_balance(scenario.impedance)
 
 
 def _check_expect(scenario: Scenario, bodies: Sequence[str], cameras: Iterable[str]) -> None:

@@ -152,6 +152,11 @@ REASONS: dict[str, tuple[State, str]] = {
         "hold",
         "Stopped after waiting {timeout:g} s, because {culprit}. Bring it into view, then press Start.",
     ),
+    "depth_blind": (
+        "hold",
+        "The depth camera {culprit} measures too little of its picture to see people by (is it covered or "
+        "dark?). Clear it, then press Start.",
+    ),
     "tool_unseen": (
         "hold",
         "Where the cameras stand cannot be learned, because {culprit}. Move the tripod, then press Start.",

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vita.errors import BadInput
+from vita.poses import pose_matrix
 from vita.scenario.schema import SceneSpec
-from vita.sim.camera import pose_matrix
 from vita.sim.objects import build_object
 from vita.sim.robots import RobotModel
 from vita.sim.tools import build_tool

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vita.poses import pose_matrix
 from vita.scenario.schema import CameraSpec, Vector3
-from vita.sim.camera import PinholeCamera, camera_pose, pose_matrix
+from vita.sim.camera import PinholeCamera, camera_pose
 from vita.sim.depth_sensor import Depth, DepthSensor, Patch
 from vita.sim.noise import CameraNoise
 from vita.sim.render import STILL_AFTER, Renderer

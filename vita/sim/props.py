@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from vita.errors import UnknownName
+from vita.poses import pose_matrix, rpy_matrix
 from vita.scenario.schema import ObjectSpec, Vector3
-from vita.sim.camera import pose_matrix, rpy_matrix
 from vita.sim.motions import Carry, Motion
 from vita.types import Array
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vita.constraints import Term, constraint_of
+from vita.poses import pose_matrix
 from vita.scenario.schema import AttachSpec, Scenario, TrackerSpec
-from vita.sim.camera import PinholeCamera, camera_pose, pose_matrix
+from vita.sim.camera import PinholeCamera, camera_pose
 from vita.sim.environment import build_environment
 from vita.sim.joint_limits import limits_in_force
 from vita.sim.objects import build_object
