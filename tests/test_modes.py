@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +13,11 @@ import vita
 from vita import commands as cmd
 from vita.engine import Engine
 from vita.errors import BadInput, NotNow, UnknownName
+from vita.following import Following
 from vita.scenario.toml_io import dumps, loads
 from vita.sim.lockstep import LockstepRig
+from vita.stereo.rig_file import save_rig
+from vita.vision.stereo_rig import stereo_rig_of
 
 SCENARIO = vita.load("reach_marker")
 
@@ -144,6 +149,29 @@ def test_what_a_covered_depth_camera_cannot_see_is_not_taken_for_free_space() ->
         engine.apply(cmd.Start())
         ticks(engine, 5)
         assert engine.moving
+
+
+def test_a_calibration_file_beside_the_scenario_takes_the_place_of_the_cameras_words(tmp_path: Path) -> None:
+    own = stereo_rig_of(*SCENARIO.camera[:2])
+    other = replace(own.left, fx=1.25 * own.left.fx, fy=1.25 * own.left.fy)
+    sizes = SCENARIO.camera[0].size, SCENARIO.camera[1].size
+    text = dumps(SCENARIO).replace("[impedance]", '[impedance]\nrig_file = "rig.toml"', 1)
+    (tmp_path / "task.toml").write_text(text)
+    with pytest.raises(BadInput, match=r"impedance\.rig_file.*rig\.toml"):
+        vita.load(tmp_path / "task.toml")
+    save_rig(tmp_path / "rig.toml", replace(own, left=other, right=other), sizes, 0.1)
+    scenario = vita.load(tmp_path / "task.toml")
+    assert loads(dumps(scenario)) == scenario
+    with LockstepRig(scenario) as rig:
+        eyes = Following(rig, scenario)
+        eyes.see(rig.observe())
+    with LockstepRig(SCENARIO) as rig:
+        plain = Following(rig, SCENARIO)
+        plain.see(rig.observe())
+    # The same pixels through longer lenses come from farther away.
+    seen, before = (f.controller.perception.target.at(0.0) for f in (eyes, plain))
+    assert seen is not None and before is not None
+    assert np.abs(seen.T_left_marker[:3, 3] - before.T_left_marker[:3, 3]).max() > 0.01
 
 
 def test_the_check_says_what_each_camera_sees_and_whether_the_goal_is_in_reach() -> None:

@@ -25,6 +25,7 @@ from vita.scenario.schema import CameraSpec, Scenario
 from vita.servo.config import Limits
 from vita.stereo.base import Lens
 from vita.stereo.hull import ArmHull
+from vita.stereo.rig_file import load_rig
 from vita.stereo.surfaces import surfaces
 from vita.types import Array, JointStep, Observation
 from vita.vision.marker_pose import marker_pose
@@ -86,9 +87,8 @@ class Following:
         cameras = {spec.name: spec for spec in scenario.camera}
         self._rig = rig
         self._cameras = (config.left, config.right)
-        self._stereo = stereo_rig_of(
-            _camera(cameras, config.left, "left"), _camera(cameras, config.right, "right")
-        )
+        left, right = _camera(cameras, config.left, "left"), _camera(cameras, config.right, "right")
+        self._stereo = load_rig(config.rig_file) if config.rig_file else stereo_rig_of(left, right)
         self._markers = self._eyes(config)
         self.controller = ImpedanceController(rig.arm_model(), self._stereo, config)
         self.take_limits()
@@ -100,7 +100,7 @@ class Following:
 
     def configure(self, config: ImpedanceConfig, field: str) -> None:
         """Put changed settings in force. Raises `BadInput` where they do not fit together."""
-        if field in ("left", "right", "depth"):
+        if field in ("left", "right", "depth", "rig_file"):
             raise BadInput("which cameras are used is set in the file", f"impedance.{field}")
         check_balance(config)
         if field in ("tool_marker", "target_marker"):

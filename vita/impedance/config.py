@@ -21,6 +21,9 @@ class ImpedanceConfig:
     """The camera whose frame is the stereo system's."""
     right: str = "right"
     """The other camera."""
+    rig_file: str = ""
+    """File of `vita calibrate` that holds the lenses and how the cameras stand to one another, relative to
+    the scenario's; empty takes what the scenario says of its cameras."""
     tool_marker: int = 7
     """Number of the ArUco marker (6 x 6 dictionary) on the tool."""
     target_marker: int = 5
@@ -136,9 +139,9 @@ class ImpedanceConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self, "impedance")
-        for name in ("left", "right", "depth"):
+        for name in ("left", "right", "depth", "rig_file"):
             if not isinstance(getattr(self, name), str):
-                raise BadInput(f"expected a camera's name, got {getattr(self, name)!r}", f"impedance.{name}")
+                raise BadInput(f"expected a name, got {getattr(self, name)!r}", f"impedance.{name}")
         for name in ("turn", "follow"):
             if not isinstance(getattr(self, name), bool):
                 raise BadInput(f"expected true or false, got {getattr(self, name)!r}", f"impedance.{name}")

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 
 from vita.errors import BadInput
 from vita.scenario.schema import CameraSpec
 from vita.sim.camera import PinholeCamera, camera_pose
 from vita.stereo.base import Lens, StereoRig
-from vita.stereo.rig_file import load_rig
 
 
 def stereo_rig_of(left: CameraSpec, right: CameraSpec) -> StereoRig:
@@ -31,8 +28,3 @@ def lens_of(spec: CameraSpec) -> Lens:
     """The intrinsic parameters of a simulated camera: square pixels, no distortion."""
     K = PinholeCamera(spec.name, spec.size, spec.fov_deg).intrinsics
     return Lens(float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]))
-
-
-def load_stereo_rig(path: str | os.PathLike[str]) -> StereoRig:
-    """The rig of a file that `vita calibrate` wrote."""
-    return load_rig(path)
