@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,11 +18,14 @@ from vita.impedance import energy as energies
 from vita.impedance.arm_model import ArmModel
 from vita.impedance.clearance import Obstacles
 from vita.impedance.config import ImpedanceConfig
-from vita.impedance.inverse import damped_inverse, error_to, held_by, ranges, step
+from vita.impedance.detour import Detour
+from vita.impedance.inverse import damped_inverse, error_to, ranges, step
 from vita.impedance.mass import Aim, Mass, Pull, advance, attraction, steer
+from vita.impedance.motion import Goal, Motion, limited
+from vita.impedance.sightings import Sightings
 from vita.impedance.spring import length
 from vita.impedance.surroundings import Nearness, Skeleton, Surroundings
-from vita.impedance.turning import between, matrix_of, quaternion_of
+from vita.impedance.turning import matrix_of, quaternion_of
 from vita.types import Array
 
 __all__ = ["Goal", "Motion", "Surroundings", "VirtualImpedance"]
@@ -36,8 +38,6 @@ TURN_FULL_RAD = 0.4
 """The turning spring is at its strongest from this angle on [rad]."""
 LOOSE_M, LOOSE_RAD = 2e-4, 2e-3
 """Where the arm stays behind the mass by more than this, the mass is set back to the arm."""
-FAR_M, FAR_RAD = 0.01, 0.05
-"""A mass that is farther than this from its goal says what keeps it."""
 LEASH_RAD = 0.15
 """No joint of the plan is ever farther than this from the measured one [rad]."""
 AT_END_RAD = 0.05
@@ -50,40 +50,6 @@ AVOID, AVOID_RAD_S, CENTRE_HZ = 0.4, 1.0, 0.3
 """Spare joints: speed per pushing torque [rad/s / N m], the fastest of it [rad/s], rate of centring [1/s]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Goal:
-    """Where the tool is to be and how that moves, in the base frame."""
-
-    T_base_tool: Array
-    """(4, 4) wanted pose of the tool now."""
-    velocity: Array = field(default_factory=lambda: np.zeros(3))
-    """(3,) [m/s]."""
-    turn_rate: Array = field(default_factory=lambda: np.zeros(3))
-    """(3,) [rad/s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """Where the arm is to be after an advance."""
-
-    q: Array
-    """(n,) joints that put the tool where the mass is [rad]."""
-    T_base_mass: Array
-    """(4, 4)."""
-    velocity: Array
-    """(3,) of the mass [m/s]."""
-    forces: dict[str, Array]
-    """`target`, `table`, `base`, `singularity`, `people` to (3,) [N]; only those that act."""
-    distances: dict[str, float]
-    """`table`, `base`, `people` to metres, `singularity` to degrees: how far each is. That of people counts
-    what an approaching one will have come nearer shortly."""
-    energy_j: float
-    """Kinetic and potential energy [J]."""
-    limited: str
-    """What keeps the mass from its way: "joint 4 at its limit", "out of reach", "held off by the table";
-    empty where nothing does."""
-
-
 class VirtualImpedance:
     """The mass, the arm that follows it, and nothing else. Time is an argument."""
 
@@ -94,7 +60,6 @@ class VirtualImpedance:
         self.config = config
         self._skeleton = Skeleton(arm, radii)
         self.take(arm)
-        self._seen: dict[str, list[tuple[Array, Array]]] = {}
         self.reset(np.clip(np.zeros(arm.n), self._lower, self._upper))
 
     @property
@@ -113,8 +78,7 @@ class VirtualImpedance:
         self._place(np.array(q, dtype=float))
         pose = self._frames[-1]
         self._mass = Mass(pose[:3, 3].tolist(), quaternion_of(pose[:3, :3]), [0.0] * (6 if self.turns else 3))
-        self._aside: Array | None = None
-        self._seen = {}
+        self._detour, self._sightings = Detour(), Sightings()
 
     def pull_back(self, q_measured: Array) -> None:
         """Keep the plan near the arm: an arm that the gate slows down or holds is not run away from."""
@@ -130,7 +94,7 @@ class VirtualImpedance:
         if len(self._mass.motion) != (6 if pull.turn else 3):
             # Orientation was switched on or off; the mass starts to turn from rest.
             self._mass.motion = self._mass.motion[:3] + [0.0] * (3 if pull.turn else 0)
-        others = self._obstacles(around, duration_s)
+        others = self._sightings.take(around, duration_s)
         near = self._look(others, around)
         looks = max(1, math.ceil(duration_s / LOOK_S - 1e-9))
         steps = max(1, math.ceil(duration_s / looks / STEP_S - 1e-9))
@@ -141,7 +105,7 @@ class VirtualImpedance:
             mass.work, mass.moved = 0.0, [0.0] * len(mass.motion)
             before = energies.total(mass, aim, pull, near.walls)
             was = (self._q, mass.x, mass.turn)
-            side = self._side(near, aim)
+            side = self._detour.look(near, mass.x, None if aim is None else aim.x, self.config.around)
             for _ in range(steps):
                 if side is not None:
                     steer(mass.motion, side[0], side[1], pull.mass, h)
@@ -179,48 +143,6 @@ class VirtualImpedance:
         return self._skeleton.look(
             self._frames, self._J, inverse, self._q, others, around.surface, self.config
         )
-
-    def _obstacles(self, around: Surroundings, duration_s: float) -> Obstacles:
-        """The capsules with the velocities of their ends, as told or from the last call to this one."""
-        starts = np.array([c.start for c in around.capsules], dtype=float).reshape(-1, 3)
-        ends = np.array([c.end for c in around.capsules], dtype=float).reshape(-1, 3)
-        radii = np.array([c.radius for c in around.capsules], dtype=float)
-        if around.velocities is not None:
-            told = np.array(around.velocities, dtype=float).reshape(-1, 3)
-            return Obstacles(starts, ends, radii, told, told)
-        seen: dict[str, list[tuple[Array, Array]]] = {}
-        moved = np.zeros((2, len(radii), 3))
-        for i, capsule in enumerate(around.capsules):
-            parts, old = seen.setdefault(capsule.body, []), self._seen.get(capsule.body, [])
-            if len(old) > len(parts):
-                was = old[len(parts)]
-                moved[:, i] = starts[i] - was[0], ends[i] - was[1]
-            parts.append((starts[i], ends[i]))
-        self._seen = seen
-        return Obstacles(starts, ends, radii, moved[0] / duration_s, moved[1] / duration_s)
-
-    def _side(self, near: Nearness, aim: Aim | None) -> tuple[list[float], float] | None:
-        """Which way leads around the nearest of the people in the way, (3,) unit vector, and how hard to
-        steer there [N]. The side is kept while the thing is near, so that the mass does not waver."""
-        if near.passing is None or aim is None or self.config.around == 0.0:
-            self._aside = None
-            return None
-        normal, push = near.passing
-        off = np.array(aim.x) - self._mass.x
-        size, towards = float(np.linalg.norm(off)), float(off @ normal)
-        if towards >= 0.0:
-            self._aside = None
-            return None
-        wanted = off if self._aside is None else off + 0.5 * size * self._aside
-        across = wanted - (wanted @ normal) * normal
-        far = float(np.linalg.norm(across))
-        if far < 1e-3 * size:
-            # Head-on: any side will do, so one on which the mass gets around at the same height.
-            across = np.array([-normal[1], normal[0], 0.0]) if abs(normal[2]) < 0.9 else np.array([1.0, 0, 0])
-            across = across - (across @ normal) * normal
-            far = float(np.linalg.norm(across))
-        self._aside = across / far
-        return self._aside.tolist(), self.config.around * push
 
     def _follow(self, h: float, near: Nearness, resting: bool) -> tuple[int, ...]:
         """Bring the tool to the mass within what the joints may do in h seconds; set the mass back where they
@@ -288,34 +210,10 @@ class VirtualImpedance:
             if push > 0.0:
                 forces[wall.kind] = forces.get(wall.kind, 0.0) + push * np.array(wall.slope[:3])
         energy = energies.total(mass, aim, pull, near.walls)
-        limited = ""
-        if aim is not None and _behind(mass, aim, pull):
-            limited = held_by(locked) or _held_off(forces)
         return Motion(
-            self._q.copy(), _pose(mass), np.array(mass.motion[:3]), forces, near.distances, energy, limited
-        )
-
-
-def _behind(mass: Mass, aim: Aim, pull: Pull) -> bool:
-    """Whether the mass is so far from its goal that people want to know why."""
-    far = math.dist(aim.x, mass.x) > FAR_M
-    return far or pull.turn and length(*between(aim.turn, mass.turn)) > FAR_RAD
-
-
-HELD = {
-    "singularity": "out of reach",
-    "table": "held off by the table",
-    "base": "held off by the base",
-    "people": "held off by people or obstacles",
-}
-
-
-def _held_off(forces: dict[str, Array]) -> str:
-    """The strongest push, in words, where it is a good part of the pull."""
-    pull = float(np.linalg.norm(forces["target"]))
-    sizes = {name: float(np.linalg.norm(f)) for name, f in forces.items() if name != "target"}
-    strongest = max(sizes, key=sizes.__getitem__, default="")
-    return HELD[strongest] if strongest and sizes[strongest] > 0.3 * pull else ""
+            self._q.copy(), _pose(mass), np.array(mass.motion[:3]), forces, near.distances, energy,
+            limited(mass, aim, pull, forces, locked),
+        )  # fmt: skip
 
 
 def _pose(mass: Mass) -> Array:
