@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vita.experiments.stereo_cases import CASES, MOVED_DEG, MOVED_M, MOVED_OVER_S, MOVED_S, robot
-from vita.experiments.stereo_impedance import back_s, noticed_s
+from vita.experiments.stereo_found import back_s, noticed_s
 from vita.experiments.stereo_parts import filtered, fits, triangulations
 from vita.experiments.stereo_runs import StereoRun, run_crossings
 from vita.scenario.truth_log import between_segments

@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from vita.experiments.base import Check, Experiment, Job, Report, Table, register
-from vita.experiments.stereo_cases import CASES, MOVED_OVER_S, MOVED_S
+from vita.experiments import stereo_tables as tables
+from vita.experiments.base import Check, Experiment, Job, Report, register
+from vita.experiments.stereo_cases import CASES, MOVED_S
 from vita.experiments.stereo_charts import figure_7, figure_8, figure_obstacles, figure_waits
-from vita.experiments.stereo_parts import filtered, fits, triangulations
-from vita.experiments.stereo_runs import Crossing, StereoRun, run_case, run_crossings
-from vita.types import Array
+from vita.experiments.stereo_found import MAIN, Found, back_s, noticed_s
+from vita.experiments.stereo_parts import filtered, fits, moved_cameras, triangulations
+from vita.experiments.stereo_runs import run_case, run_crossings
 
-MAIN = "tx90"
-"""The report's arm."""
 OTHERS = {"wam7": ("still", "carried", "tripod", "human"), "wam4": ("still", "carried")}
 """Cases that the other arms run too."""
 QUICK = ("still", "carried", "tripod")
@@ -58,11 +57,21 @@ class StereoImpedance(Experiment):
             Job(f"filter at {v:g} m/s", filtered, {"speed_m_s": v, "turn_deg_s": w, "seed": seed})
             for v, w in CARRY
         ]
+        jobs += [
+            Job(
+                f"cameras moved by {1e3 * shift:g} mm", moved_cameras,
+                {"pictures": pictures, "moves": 40 if quick else 200, "shift_m": shift, "seed": seed},
+            )
+            for shift, pictures in ((0.005, 3_000 if quick else 100_000), (0.01, 0), (0.03, 0))
+        ]  # fmt: skip
         return [*jobs, Job("triangulation", triangulations, {"count": 500, "seed": seed})]
 
     def report(self, jobs: Sequence[Job], results: Sequence[Any], quick: bool) -> Report:
         found = Found(jobs, results)
-        tables = [_cases(found), _fits(found), _filter(found), _obstacles(found)]
+        shown = [
+            tables.situations(found), tables.fitted(found), tables.filtering(found), tables.moved(found),
+            tables.obstacles(found),
+        ]  # fmt: skip
         figures = {"figure_7": figure_7(found.run("tripod"))}
         if not quick:
             figures |= {
@@ -70,50 +79,8 @@ class StereoImpedance(Experiment):
                 "figure_8": figure_8(found.run("human")),
                 "obstacles": figure_obstacles(found.crossings),
             }
-        data = {"runs": _data(found), "obstacles": _all_obstacles(found)}
-        return Report(_summary(found), tables, data, figures, _checks(found, quick))
-
-
-class Found:
-    """The results, by what they are of."""
-
-    def __init__(self, jobs: Sequence[Job], results: Sequence[Any]) -> None:
-        self.runs: dict[tuple[str, str], StereoRun] = {}
-        self.crossings: list[Crossing] = []
-        self.fits: dict[int, Array] = {}
-        self.filter: dict[tuple[float, float], tuple[float, float]] = {}
-        self.triangulation: dict[str, float] = {}
-        for job, result in zip(jobs, results, strict=True):
-            given = job.arguments
-            if job.work is run_case:
-                self.runs[given["robot_name"], given["case"]] = result
-            elif job.work is run_crossings:
-                self.crossings += result
-            elif job.work is fits:
-                self.fits[given["pairs"]] = result
-            elif job.work is filtered:
-                self.filter[given["speed_m_s"], given["turn_deg_s"]] = result
-            else:
-                self.triangulation = result
-
-    def run(self, case: str, robot: str = MAIN) -> StereoRun:
-        return self.runs[robot, case]
-
-
-def noticed_s(run: StereoRun) -> float:
-    """Time from the tripod's first motion until the arm stopped to look [s]."""
-    after = [t for t, p in zip(run.stamp, run.phase, strict=True) if t > MOVED_S and p == "looking"]
-    return float(after[0] - MOVED_S) if after else np.nan
-
-
-def back_s(run: StereoRun, within_mm: float = 10.0) -> float:
-    """Time from the end of the tripod's motion until the tool is at its goal, and the recovered tool at the
-    true one, within 1 cm for good [s]."""
-    gap = 1e3 * np.linalg.norm(run.gap, axis=1)
-    good = (gap < within_mm) & (np.nan_to_num(run.recovered_mm, nan=np.inf) < within_mm)
-    bad = np.flatnonzero(~good)
-    last = run.stamp[bad[-1]] if bad.size else 0.0
-    return float(last - MOVED_S - MOVED_OVER_S) if last < run.stamp[-1] else np.inf
+        data = {"runs": tables.every_tenth(found), "obstacles": tables.every_sphere(found)}
+        return Report(_summary(found), shown, data, figures, _checks(found, quick))
 
 
 def _checks(found: Found, quick: bool) -> list[Check]:
@@ -133,6 +100,9 @@ def _checks(found: Found, quick: bool) -> list[Check]:
         Check("tripod moved by 20 cm and 30 deg: within 1 cm again after [s]", back_s(tripod), most=10.0),
         Check("filter against holding the last measurement, 0.08 m/s: share of its error",
               found.filter[0.08, 0.0][0] / found.filter[0.08, 0.0][1], most=0.5),
+        Check("cameras that stand: false alarms", sum(f["alarms"] for f in found.moved.values()), most=0),
+        Check("cameras moved by 5 mm: share noticed within a second",
+              next(f["within_1_s"] for (s, _), f in found.moved.items() if s == 0.005), least=0.95),
         Check("random obstacles: smallest distance to the arm [mm]",
               1e3 * min(c.nearest_m for c in found.crossings), least=1e-3),
         Check("random obstacles: distance from the goal afterwards, worst rms [mm]",
@@ -179,80 +149,3 @@ def _summary(found: Found) -> str:
         f"and prints no figures. Its eq. 11 as printed gives the transpose of the rotation: "
         f"{np.median(found.fits[20][:, 2]):.0f} degrees off (median)."
     )
-
-
-def _cases(found: Found) -> Table:
-    rows = []
-    for (robot, name), run in found.runs.items():
-        case = CASES[name]
-        clear = run.clearance[np.isfinite(run.clearance)]
-        rows.append(
-            (
-                case.doc, robot, run.rms_mm(case.from_s), run.bias_mm(case.from_s), run.rms_deg(case.from_s),
-                float(np.nanmedian(run.recovered_mm[run.since(run.stamp[-1] - 3.0)])),
-                1e3 * float(clear.min()) if clear.size else None, 1e3 * float(run.height.min()),
-                float(np.degrees(run.bend.min())),
-            )
-        )  # fmt: skip
-    columns = (
-        "situation", "robot", "off [mm rms]", "mean offset [mm]", "angle [deg rms]",
-        "recovered tool off [mm]", "nearest obstacle [mm]", "lowest point [mm]", "least bend [deg]",
-    )  # fmt: skip
-    notes = (
-        "Errors count once the arm has learned, or once the disturbance is over. Where the target is carried "
-        "to where the arm must not go, the distance from it is meant to be large."
-    )
-    return Table("Situations", columns, rows, notes)
-
-
-def _fits(found: Found) -> Table:
-    rows = [
-        (n, *np.percentile(f[:, 0], [50, 95]), *np.percentile(f[:, 1], [50, 95]), np.median(f[:, 2]))
-        for n, f in sorted(found.fits.items())
-    ]
-    columns = (
-        "pairs", "rotation off [deg], median", "95 %", "recovered point off [mm], median", "95 %",
-        "eq. 11 as printed [deg], median",
-    )  # fmt: skip
-    return Table("Fit of pairs spread over 20 cm, 1 mm of noise", columns, rows)
-
-
-def _filter(found: Found) -> Table:
-    rows = [(v, w, ours, held, ours / held) for (v, w), (ours, held) in sorted(found.filter.items())]
-    columns = ("speed [m/s]", "turning [deg/s]", "filter [mm]", "last measurement held [mm]", "ratio")
-    notes = "Root mean square over steps of 1 ms; pictures every 33 ms, corner noise 0.3 px, 1 m away."
-    return Table("Filter alone", columns, rows, notes)
-
-
-def _obstacles(found: Found) -> Table:
-    nearest = 1e3 * np.array([c.nearest_m for c in found.crossings])
-    after = np.array([c.after_mm for c in found.crossings])
-    rows = [(len(nearest), nearest.min(), np.percentile(nearest, 5), np.median(nearest), after.max())]
-    columns = (
-        "spheres", "smallest distance [mm]", "5 %", "median",
-        "worst distance from the goal afterwards [mm rms]",
-    )
-    notes = "Radius 6 to 12 cm, 0.1 to 0.25 m/s, through the space of tool and forearm."
-    return Table("Random moving obstacles", columns, rows, notes)
-
-
-def _all_obstacles(found: Found) -> Table:
-    rows = [(c.seed, c.robot, c.radius_m, c.speed_m_s, c.nearest_m, c.after_mm) for c in found.crossings]
-    return Table("Every sphere", ("seed", "robot", "radius_m", "speed_m_s", "nearest_m", "after_mm"), rows)
-
-
-def _data(found: Found) -> Table:
-    rows = [
-        (
-            run.robot, run.case, float(run.stamp[i]), run.phase[i], *run.tool[i].tolist(),
-            *run.recovered[i].tolist(), *run.target[i].tolist(),
-            1e3 * float(np.linalg.norm(run.gap[i])), float(np.degrees(run.angle[i])),
-        )
-        for run in found.runs.values()
-        for i in range(0, run.stamp.size, 3)
-    ]  # fmt: skip
-    columns = (
-        "robot", "case", "time_s", "phase", "tool_x", "tool_y", "tool_z", "recovered_x", "recovered_y",
-        "recovered_z", "target_x", "target_y", "target_z", "off_mm", "off_deg",
-    )  # fmt: skip
-    return Table("Every tenth of a second", columns, rows)

@@ -6,8 +6,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vita.experiments.stereo_world import FRAME_S, stereo_rig
+from vita.impedance.config import ImpedanceConfig
 from vita.poses import look_at
 from vita.stereo.base import MarkerCorners, marker_square
+from vita.stereo.moved_rig import MovedRig
 from vita.stereo.pose_filter import PoseFilter
 from vita.stereo.projection import project
 from vita.stereo.rigid_fit import rigid_fit
@@ -57,6 +59,47 @@ def _as_printed(a: Array, b: Array) -> Array:
 
 def _angle(A: Array, B: Array) -> float:
     return float(np.degrees(Rotation.from_matrix(A.T @ B).magnitude()))
+
+
+SIGHT_M = np.array([3e-4, 3e-4, 1.5e-3])
+"""Noise of where a marker 1.2 m away is seen, along the left camera's axes [m]."""
+ALIKE = 0.6
+"""Correlation of one picture's error with the next one's: tracked corners err alike while little moves."""
+
+
+def moved_cameras(pictures: int, moves: int, shift_m: float, seed: int) -> dict[str, float]:
+    """False alarms among `pictures` of cameras that stand, steady error included; and, of `moves` by
+    `shift_m` in random directions, the share that is noticed within a second and the median time [s]."""
+    random, covariance = np.random.default_rng([seed, 7]), np.diag(SIGHT_M**2)
+    settings = ImpedanceConfig()
+
+    def watch() -> MovedRig:
+        return MovedRig(1e-3 * settings.moved_mm, settings.moved_frames)
+
+    watched, alarms = watch(), 0
+    for offset in _sights(random, pictures) + 3e-4:
+        if watched.update(offset, covariance):
+            alarms += 1
+            watched.restart()
+    taken = []
+    for _ in range(moves):
+        way = random.standard_normal(3)
+        watched, later = watch(), shift_m / np.linalg.norm(way) * way
+        for offset in _sights(random, 60):
+            watched.update(offset, covariance)
+        after = _sights(random, 300) + later
+        noticed = (i for i, offset in enumerate(after) if watched.update(offset, covariance))
+        taken.append(next(noticed, np.inf) * FRAME_S)
+    within = float(np.mean(np.array(taken) <= 1.0))
+    return {"alarms": float(alarms), "within_1_s": within, "median_s": float(np.median(taken))}
+
+
+def _sights(random: np.random.Generator, count: int) -> Array:
+    """(count, 3) offsets of a tool that is seen where it is, noise apart [m]."""
+    errors = random.standard_normal((count, 3))
+    for k in range(1, count):
+        errors[k] = ALIKE * errors[k - 1] + np.sqrt(1 - ALIKE**2) * errors[k]
+    return errors * SIGHT_M
 
 
 def filtered(speed_m_s: float, turn_deg_s: float, seed: int, sigma_px: float = 0.3) -> tuple[float, float]:
