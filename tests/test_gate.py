@@ -7,8 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import vita.servo.gate as gate_module
 from vita.errors import BadInput
+from vita.fuzz.gate import one_run, run
+from vita.servo import braking
 from vita.servo.gate import Gate, braking_speed
+from vita.servo.keep_off import SLOPE, Nearness, Pair
 from vita.types import Joint, JointStep
 
 DT = 1 / 240
@@ -286,6 +290,17 @@ def test_limit_moved_past_the_arm_brakes_then_holds():
     assert back[-1, 0] == pytest.approx(-0.5)
 
 
+def test_a_limit_moved_to_where_a_slow_joint_can_just_stop_is_kept():
+    """One joint alone brakes as hard as it may when its limit moves in; the others need not wait for it."""
+    gate = Gate(joints(2))
+    qs, vs = drive(gate, np.zeros(2), 70, [0.9, 0.15])
+    assert vs[-1] == pytest.approx([0.6, 0.1])
+    rest = stopping_point(qs[-1], vs[-1], 8.0)[1]
+    gate.set_limits([joints(1)[0], Joint("j1", -1.0, float(rest) + 0.02 + 1e-9, 0.6)])
+    after, _ = drive(gate, qs[-1], 60, [0.9, 0.15], now=70 * DT)
+    assert after[:, 1].max() <= rest + 2e-9
+
+
 def test_arm_that_does_not_follow_is_noticed():
     """R7: more than 0.1 rad away for 5 cycles stops the gate, which names the joint."""
     gate = Gate(joints())
@@ -324,3 +339,225 @@ def test_senseless_limits_are_refused():
             gate.set_limits(bad)
     with pytest.raises(BadInput):
         gate.set_limits(joints(1), acceleration=0.0)
+
+
+# ---- what is near -------------------------------------------------------------------------------
+
+
+def walls(q, distances, gradients, stamp=0.0, names=("wall",)):
+    pairs = tuple(Pair("the forearm", f"the {name}") for name in names)
+    return Nearness(stamp, np.asarray(q), np.atleast_1d(distances), np.atleast_2d(gradients), pairs)
+
+
+class WallArm:
+    """An arm that follows perfectly, beside flat walls: distance d0 + g . q."""
+
+    def __init__(self, gate, q, d0, g, every=8):
+        self.gate, self.q, self.v = gate, np.array(q, dtype=float), np.zeros(len(q))
+        self.d0, self.g, self.every = np.atleast_1d(d0).astype(float), np.atleast_2d(g).astype(float), every
+        self.cycles, self.seeing = 0, True
+
+    @property
+    def now(self):
+        return self.cycles * DT
+
+    @property
+    def d(self):
+        return self.d0 + self.g @ self.q
+
+    def run(self, target, cycles, watch=None):
+        for _ in range(cycles):
+            if self.seeing and self.cycles % self.every == 0:
+                names = [f"wall {i}" for i in range(len(self.d))]
+                self.gate.keep_off(walls(self.q, self.d, self.g, self.now, names))
+            if target is not None:
+                self.gate.command(step(target, self.q, self.now), self.now)
+            before, d = self.v, self.d
+            self.q, self.v = self.gate.cycle(self.now, self.q)
+            self.cycles += 1
+            if watch is not None:
+                watch(before, d)
+        return self
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    g=st.lists(st.integers(-8, 8), min_size=3, max_size=3),
+    target=st.lists(st.integers(-9, 9), min_size=3, max_size=3).filter(any),
+    room=st.sampled_from([0.0, 0.001, 0.02, 0.06, 0.2]),
+    speed=st.sampled_from([0.6, 3.0]),
+)
+def test_what_is_near_is_approached_no_faster_than_its_distance_allows(g, target, room, speed):
+    """Towards a wall: at most 10/s times the distance beyond 1 cm, never past 1 cm, the direction kept, and
+    the acceleration kept; at 5 cm that is 0.4 m/s."""
+    arm = WallArm(Gate(joints(3, speed=speed)), np.zeros(3), 0.01 + room, np.array(g) / 8)
+    target = np.array(target) / 20
+
+    def laws(before, d):
+        assert (arm.d0 + arm.g @ arm.q >= 0.01 - 1e-6).all(), "too near"
+        assert (-(arm.g @ arm.v) <= SLOPE * (d - 0.01) + 1e-9).all(), "too fast"
+        assert np.abs(arm.v - before).max() <= 8.0 * DT + SLACK, "too sudden"
+        assert np.allclose(arm.v, (arm.v @ target) / (target @ target) * target, atol=1e-9), "aside"
+
+    arm.run(target, 240, laws)
+    if (arm.d0 + arm.g @ target >= 0.06).all():
+        assert arm.q == pytest.approx(target, abs=1e-6), "a target that is not near is reached"
+
+
+def test_the_allowed_speed_is_free_at_5_cm_and_none_at_1_cm():
+    """A joint on a lever of 1 m: below 5 cm slower and slower; it ends 1 cm off, and says what holds it."""
+    arm = WallArm(Gate(joints(1, upper=3.0)), [0.0], 0.5, [[-1.0]])
+    speeds = {}
+    arm.run([2.0], 900, lambda before, d: speeds.update({round(float(d[0]), 3): float(arm.v[0])}))
+    assert max(v for d, v in speeds.items() if d > 0.08) == pytest.approx(0.6)
+    assert speeds[min(speeds, key=lambda d: abs(d - 0.03))] == pytest.approx(0.2, rel=0.05)
+    assert arm.d[0] == pytest.approx(0.01, abs=1e-3)
+    assert arm.gate.held_off == "the forearm and the wall 0" and not arm.gate.fault
+
+
+def test_retreat_is_always_allowed():
+    """However near: away from the wall the arm goes at full speed; along it, too."""
+    for distance in (0.02, 0.01, 0.006):
+        for way in ([0.9, 0.0], [0.0, 0.9]):
+            arm = WallArm(Gate(joints(2)), np.zeros(2), distance, [[1.0, 0.0]]).run(way, 60)
+            assert np.abs(arm.v).max() == pytest.approx(0.6) and not arm.gate.held_off
+
+
+def test_distances_are_extrapolated_between_looks():
+    """Looking only every 100 ms, the arm still stops 1 cm off the wall."""
+    arm = WallArm(Gate(joints(1)), [0.0], 0.25, [[-1.0]], every=23).run([0.9], 600)
+    assert arm.d[0] == pytest.approx(0.01, abs=1e-3)
+
+
+def test_distances_older_than_100_ms_count_as_none():
+    """A monitor that falls silent: no closing motion, at rest after 18 cycles, and it is said."""
+    arm = WallArm(Gate(joints(2), guarded=True), np.zeros(2), 0.5, [[1.0, 0.0]]).run([0.9, 0.9], 60)
+    assert np.abs(arm.v).max() == pytest.approx(0.6)
+    arm.seeing = False
+    arm.run([0.9, 0.9], 24)
+    assert np.abs(arm.v).max() > 0.0
+    arm.run([0.9, 0.9], 24)
+    assert not arm.v.any() and "how near" in arm.gate.fault
+
+
+def test_without_distances_a_guarded_gate_moves_nothing():
+    gate = Gate(joints(2), guarded=True)
+    _, vs = drive(gate, np.zeros(2), 30, [0.5, 0.5])
+    assert not vs.any() and gate.fault and gate.blind(0.0)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        lambda n: Nearness(n.stamp, n.q, np.array([np.nan]), n.gradients, n.pairs),
+        lambda n: Nearness(n.stamp, n.q, n.distances, n.gradients + np.inf, n.pairs),
+        lambda n: Nearness(n.stamp, n.q, n.distances, n.gradients[:, :1], n.pairs),
+        lambda n: Nearness(np.nan, n.q, n.distances, n.gradients, n.pairs),
+        lambda n: Nearness(n.stamp, n.q, n.distances, n.gradients, ()),
+        lambda n: Nearness(n.stamp, None, n.distances, n.gradients, n.pairs),
+    ],
+)
+def test_distances_that_are_no_numbers_are_not_taken(bad):
+    """They are as good as none: the ones before grow old, and then nothing moves."""
+    gate = Gate(joints(2), guarded=True)
+    gate.keep_off(bad(walls(np.zeros(2), 0.5, [1.0, 0.0])))
+    _, vs = drive(gate, np.zeros(2), 10, [0.5, 0.5])
+    assert not vs.any()
+
+
+def test_contact_stops_the_arm_and_names_both_bodies():
+    """Below 5 mm: a fault in the same cycle, and the hardest braking; acknowledged, the arm may retreat but
+    not go on; coming nearer is a new fault."""
+    gate = Gate(joints(1, upper=3.0, speed=0.6))
+    arm = WallArm(gate, [0.0], 0.5, [[-1.0]]).run([2.0], 60)
+    assert arm.v[0] == pytest.approx(0.6)
+    arm.d0 -= arm.d - 0.004  # Something is put beside it.
+    arm.run([2.0], 8)
+    assert gate.fault == "The forearm touches the wall 0" and gate.kind == "too_close"
+    arm.run([2.0], 18)
+    assert gate.at_rest
+    gate.release()
+    arm.run([2.0], 30)
+    assert not gate.fault and gate.at_rest, "it does not go on"
+    q = arm.q.copy()
+    arm.d0 -= 0.002
+    arm.run(None, 8)
+    assert gate.kind == "too_close", "nearer than when it was acknowledged"
+    gate.release()
+    arm.run([-0.5], 60)
+    assert arm.q[0] < q[0] - 0.05 and not gate.fault
+    arm.run([2.0], 300)
+    assert not gate.fault and arm.d[0] == pytest.approx(0.01, abs=1e-3)
+
+
+def test_an_obstacle_that_comes_nearer_makes_the_arm_brake_as_hard_as_it_may():
+    """A wall that jumps to 3 cm off a fast arm: hardest braking, in the same direction."""
+    gate = Gate(joints(2, upper=3.0))
+    arm = WallArm(gate, np.zeros(2), 0.8, [[-1.0, -1.0]]).run([2.0, 1.0], 80)
+    v, before = arm.v.copy(), arm.d[0]
+    arm.d0 -= before - 0.03
+    arm.run([2.0, 1.0], 1)
+    assert v[0] - arm.v[0] == pytest.approx(8.0 * DT) and arm.v[1] / arm.v[0] == pytest.approx(0.5)
+
+
+def test_a_joint_that_comes_free_does_not_jump():
+    """R7: a locked joint that lags a little for long is noticed, too; then the set point meets the arm."""
+    gate = Gate(joints(2))
+    q, now = np.zeros(2), 0.0
+    for _ in range(100):
+        gate.command(step([0.05, 0.05], np.zeros(2), now), now)
+        q_set, _ = gate.cycle(now, q)
+        q, now = np.array([0.0, q_set[1]]), now + DT
+    assert "j0 does not follow" in gate.fault and gate.kind == "gate_fault"
+    for _ in range(20):
+        q_set, v_set = gate.cycle(now, q)
+        now += DT
+    assert q_set == pytest.approx(q, abs=1e-12) and not v_set.any()
+    gate.release()
+    assert gate.cycle(now, q)[0] == pytest.approx(q) and not gate.fault
+
+
+def test_direction_is_kept_up_to_a_limit():
+    """A target beyond a limit is approached on the straight line until the limit; the others then go on."""
+    gate = Gate(joints(2))
+    qs = np.zeros((1, 2))
+    for k in range(480):
+        gate.command(JointStep(np.array([3.0, 1.5]), np.zeros(2), k * DT), k * DT)
+        q, _ = gate.cycle(k * DT, qs[-1])
+        if q[0] >= 0.98 - 1e-9:
+            break
+        qs = np.vstack([qs, q])
+    assert np.allclose(qs[:, 1], 0.5 * qs[:, 0], atol=1e-9) and qs[-1, 0] == pytest.approx(0.98, abs=1e-3)
+    qs, _ = drive(gate, qs[-1], 300, [3.0, 0.7], now=600 * DT)
+    assert qs[-1] == pytest.approx([0.98, 0.7])
+
+
+def test_a_speed_share_of_zero_moves_nothing():
+    _, vs = drive(Gate(joints(2)), np.zeros(2), 30, [0.5, 0.5], scale=0.0)
+    assert not vs.any()
+
+
+# ---- hostile input ------------------------------------------------------------------------------
+
+
+def test_no_law_is_broken_by_hostile_input():
+    """A short run of the fuzzer: 10,000 cycles, each checked against laws that are worked out anew."""
+    for seed in range(25):
+        broken, checked = one_run(seed)
+        assert not broken, broken
+        assert checked["position, speed and acceleration"] == 400
+
+
+def test_the_fuzzer_checks_every_law_and_reports_what_it_did():
+    report = run(seconds=1.0, seed=7)
+    assert report.passed and report.tried >= 400 and report.unit == "control cycles"
+    assert {f"checks of {law}" for law in ("stopping", "direction", "approach")} <= set(report.figures)
+
+
+def test_the_fuzzer_sees_a_gate_that_clips_at_the_limit(monkeypatch):
+    """A gate that brakes only when it is at the limit is caught at once: the fuzzer can fail."""
+    naive = lambda room, a, dt: np.where(room > 0, np.minimum(room / dt, 10.0), 0.0)  # noqa: E731
+    monkeypatch.setattr(gate_module, "braking_speed", naive)
+    monkeypatch.setattr(braking, "braking_speed", naive)
+    monkeypatch.setattr(gate_module.Gate, "_eased", lambda self, wanted, *_: wanted)
+    assert any(one_run(seed)[0] for seed in range(10))

@@ -166,7 +166,7 @@ def test_speed_limit_holds_for_the_arm():
 
 def test_constant_push_into_a_limit(rig):
     """C6: the arm never passes limit minus margin, and the joint is named."""
-    joint = 3
+    joint = 0  # The elbow would come near the upper arm first, which is another rule's affair.
     for seen in run(rig, 150, one_joint(rig, joint, 0.2)):
         assert seen.q[joint] <= rig.joints[joint].upper - 0.02 + 1e-4
     assert rig.gate_state()["saturated"] == [joint]

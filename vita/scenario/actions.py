@@ -50,6 +50,8 @@ ACTIONS: dict[str, Action] = {
     "uncover": Action({"camera": str}, ("camera",)),
     "lose_tracker": Action({"tracker": str, "for_s": float}, ("tracker",)),
     "push_robot": Action({"dq_deg": tuple[float, ...]}, ("dq_deg",)),
+    "lock_joint": Action({"joint": int}, ("joint",)),
+    "unlock_joints": Action({}),
     "drag_target": Action(
         {"object": str, "xyz": Vector3, "rpy_deg": Vector3, "over_s": float}, ("object",), ("xyz", "rpy_deg")
     ),

@@ -65,6 +65,12 @@ def _at_least_0(value: Any, path: str) -> float:
     return float(value)
 
 
+def _index(value: Any, path: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise BadInput(f"expected a whole number from 0 on, got {value!r}", path)
+    return value
+
+
 def _path(value: Any, path: str) -> str:
     if value not in PATHS:
         raise UnknownName("path", str(value)[:64], PATHS, path)
@@ -124,6 +130,17 @@ def _push_robot(world: World, dq_deg) -> None:
     world.push(np.radians([*dq_deg, *[0.0] * (n - len(dq_deg))]))
 
 
+def _lock_joint(world: World, joint: int) -> None:
+    """Hold a joint, counted from 0, where it is: it follows no command any more."""
+    if joint >= world.model.n:
+        raise BadInput(f"{world.model.name} has joints 0 to {world.model.n - 1}", "lock_joint.joint")
+    world.arm.lock(joint)
+
+
+def _unlock_joints(world: World) -> None:
+    world.arm.unlock()
+
+
 def _drag_target(world: World, object: str, xyz=None, rpy_deg=None, over_s: float = 0.0) -> None:
     """Move an object smoothly to a new place and orientation."""
     world.move_prop(object, xyz, rpy_deg, over_s)
@@ -155,6 +172,8 @@ ACTIONS: dict[str, tuple[Callable[..., None], Checks, tuple[str, ...]]] = {
     "cover": (_cover, _WHILE | {"at": _numbers(2), "size_px": _at_least_0}, ("camera", "at")),
     "uncover": (_uncover, _CAMERA, ("camera",)),
     "push_robot": (_push_robot, {"dq_deg": _numbers(None)}, ("dq_deg",)),
+    "lock_joint": (_lock_joint, {"joint": _index}, ("joint",)),
+    "unlock_joints": (_unlock_joints, {}, ()),
     "drag_target": (
         _drag_target,
         {"object": _name, "xyz": _numbers(3), "rpy_deg": _numbers(3), "over_s": _at_least_0},

@@ -48,6 +48,11 @@ class Props:
             raise UnknownName("object", name, self._motions)
         return self._motions[name].at(now)
 
+    def standing(self, now: float) -> dict[str, Array]:
+        """Object name to (4, 4) T_world_object of those that nobody carries."""
+        free = [name for name, spec in self._specs.items() if spec.mount is None]
+        return {name: self._motions[name].at(now) for name in free}
+
     def poses(self, carriers: Mapping[str, Array], now: float) -> dict[str, Array]:
         """Object name to (4, 4) T_world_object; `carriers` are the robot's links."""
         found = {}
