@@ -228,7 +228,7 @@ def test_suspended_child_is_noticed_and_recovers(doomed):
     ask(doomed, last, 1.0)
     os.kill(doomed._process.pid, signal.SIGSTOP)
     try:
-        with pytest.raises(RigOffline, match="no picture"):
+        with pytest.raises(RigOffline, match="no sign of life"):
             while True:
                 last = doomed.observe(0.5)
     finally:

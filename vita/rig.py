@@ -35,7 +35,9 @@ class Rig(Protocol):
     def observe(self) -> Observation:
         """The next observation. Lockstep simulation advances one frame period, a live rig waits.
 
-        Raises `RigOffline` when none comes.
+        A camera that gives no picture is left out of its frames. Raises `RigOffline` when nothing comes. A
+        rig that must be told to try such a camera again has a method `reopen(camera)` besides, which returns
+        at once.
         """
         ...
 

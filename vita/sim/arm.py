@@ -44,6 +44,7 @@ class Arm:
         self._index = [index[joint.name] for joint in model.joints]
         self._effort = [joint.effort or DEFAULT_EFFORT for joint in model.urdf_joints]
         self._speed = [joint.max_speed * SPEED_MARGIN for joint in model.joints]
+        self._locked: dict[int, float] = {}
         self._hold_others(index)
         self._settle_dynamics()
         self.reset(model.q_ready)
@@ -66,6 +67,8 @@ class Arm:
         for i, q, v, speed, effort in zip(self._index, q_set, v_set, self._speed, self._effort, strict=True):
             # With both gains at one the motor asks for the speed (target - q) / step + v. Taking off
             # what v brings along makes it arrive at q_set exactly, without lag.
+            if i in self._locked:
+                q, v = self._locked[i], 0.0
             p.setJointMotorControl2(
                 self.body, i, p.POSITION_CONTROL, targetPosition=q - v * STEP_S, targetVelocity=v,
                 positionGain=1.0, velocityGain=1.0, maxVelocity=speed, force=effort,
@@ -75,9 +78,25 @@ class Arm:
     def reset(self, q: Sequence[float] | Array) -> None:
         """Put the arm at q [rad] at rest at once, and hold it there."""
         q = self._checked(q, "q")
+        self.unlock()
         for i, value in zip(self._index, q, strict=True):
             p.resetJointState(self.body, i, float(value), 0.0, physicsClientId=self.client)
         self.drive(q, np.zeros(self.model.n))
+
+    def lock(self, joint: int) -> None:
+        """Hold one joint, counted from 0, where it is, whatever is commanded. For trying that fault only."""
+        self._locked[self._index[joint]] = float(self.q()[joint])
+
+    def unlock(self) -> None:
+        """Let every joint follow again."""
+        self._locked.clear()
+
+    def poison(self) -> None:
+        """Give pybullet the one NaN that makes every joint NaN for good. For trying that fault only."""
+        p.setJointMotorControl2(
+            self.body, self._index[0], p.POSITION_CONTROL, targetPosition=float("nan"), force=1.0,
+            physicsClientId=self.client,
+        )  # fmt: skip
 
     def poses(self) -> dict[str, Array]:
         """Body name to (4, 4) T_world_body from the measured joints, with `flange` and `tool`."""

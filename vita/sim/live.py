@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import multiprocessing
 import multiprocessing.connection
 import threading
@@ -17,25 +18,24 @@ from typing import Any
 import numpy as np
 
 from vita import errors
-from vita.impedance.arm_model import ArmModel
-from vita.impedance.view import Capsule
 from vita.scenario.schema import Scenario
 from vita.sim import live_child
-from vita.sim.arm_hull import scene_hull
-from vita.sim.obstacles import obstacle_capsules
+from vita.sim.rig_base import SceneRig
 from vita.sim.robots import load_robot
-from vita.sim.shared_frames import SharedFrame, SharedFrames
-from vita.sim.truth import GroundTruth
-from vita.stereo.hull import ArmHull
-from vita.types import Array, Joint, JointStep, Observation, Visual
+from vita.sim.shared_frames import CAUSES, SharedFrame, SharedFrames
+from vita.types import Joint, JointStep, Observation
 
 START_S = 60.0
 """How long the simulation may take to start [s]."""
 ANSWER_S = 2.0
 """How long it may take to answer a request [s]."""
+LOOK_S = 0.1
+"""So much of the time between two looks for a picture counts as waiting for it [s]."""
+SILENT_S = 0.25
+"""How long it may give no sign of life (it gives one in every cycle and before every picture) [s]."""
 
 
-class LiveRig:
+class LiveRig(SceneRig):
     """A `SimulatedRig` that runs by itself at 30 frames a second.
 
     pybullet holds the interpreter's lock while it works, so it lives in a child process; pictures
@@ -47,13 +47,12 @@ class LiveRig:
 
     def __init__(self, scenario: Scenario, *, seed: int | None = None) -> None:
         context = multiprocessing.get_context("spawn")
-        self.cameras: tuple[str, ...] = tuple(spec.name for spec in scenario.camera)
-        self._truth = GroundTruth(scenario.camera)
-        self._objects = scenario.scene.objects
-        self._scene = scenario.scene
+        super().__init__(scenario)
         self._asking, self._commanding = threading.Lock(), threading.Lock()
         self._last = -1
         self._numbers: Mapping[str, float] = {}
+        self._gate: dict[str, Any] = {}
+        self._heard: dict[str, int] = {cause: 0 for cause in CAUSES}
         self._copy_ms = 0.0
         self._death = ""
         self._requests = 0
@@ -102,7 +101,8 @@ class LiveRig:
     def observe(self, timeout: float = 1.0) -> Observation:
         """Wait for the next frame that is newer than the last one observed.
 
-        Raises `RigLate` when none comes within `timeout` [s], `RigOffline` when the simulation has ended.
+        Raises `RigLate` when none comes within `timeout` [s] or the simulation gives no sign of life for
+        `SILENT_S`, `RigOffline` when it has ended.
         """
         self._check_open()
         try:
@@ -111,14 +111,16 @@ class LiveRig:
             self._check_open()  # Another thread has closed the rig meanwhile.
             raise
         self._numbers, self._last = seen.numbers, int(seen.numbers["number"])
+        self._gate, self._heard["corrupt"] = json.loads(seen.words), int(seen.numbers["rebuilt"])
         mask = int(seen.numbers["frozen_mask"])
         self._truth.update(seen.poses, [name for i, name in enumerate(self.cameras) if mask >> i & 1])
         frames, depths = MappingProxyType(dict(seen.frames)), MappingProxyType(dict(seen.depths))
         return Observation(seen.numbers["stamp"], self._last, seen.q, frames, depths)
 
     def _await_frame(self, timeout: float) -> SharedFrame:
-        deadline = time.monotonic() + timeout
-        shared = self._shared
+        looked, waited, beaten = time.monotonic(), 0.0, 0.0
+        shared, beats = self._shared, -1
+        patience = max(SILENT_S, 4e-3 * self._numbers.get("render", 0.0))
         while True:
             self._check_alive()
             # Asked at every look: the child draws only a few pictures per request, and those may be
@@ -130,10 +132,16 @@ class LiveRig:
                 seen = shared.read(len(self._joints), self._bodies)
                 if seen is not None:
                     break
-            rest = deadline - time.monotonic()
-            if rest <= 0:
+            now = time.monotonic()
+            # A look that comes late was kept waiting itself: a process that was frozen blames nobody else.
+            waited, looked = waited + min(now - looked, LOOK_S), now
+            if beats != (beats := shared.beats):
+                beaten = waited
+            if waited - beaten > patience:
+                raise errors.RigLate(f"the simulation gave no sign of life for {patience:.2g} s")
+            if waited > timeout:
                 raise errors.RigLate(f"no picture for {timeout:g} s")
-            self._news.acquire(timeout=min(rest, 0.05))
+            self._news.acquire(timeout=max(min(timeout - waited, 0.05), 0.001))
         while self._news.acquire(block=False):
             pass  # What the semaphore still counts are pictures that this one has overtaken.
         self._copy_ms = 1e3 * (time.perf_counter() - began)
@@ -151,26 +159,52 @@ class LiveRig:
             self._shared.stop()
 
     def release(self) -> None:
-        """Let steps through again. Moves nothing by itself."""
+        """Let steps through again. Moves nothing by itself. A stop from outside that nobody has asked for yet
+        (`outside_stop`) stays in force."""
         self._check_open()
+        self._shared.lift(self._heard)
         self._shared.release()
+
+    def outside_stop(self) -> str:
+        """Whether the arm was stopped past this process since this was last asked: empty, or the gravest of
+        `silent` (this process stood still), `stop` and `emergency` (signals SIGUSR1 and SIGUSR2)."""
+        try:
+            latched = self._shared.latched()
+        except AttributeError:  # Closed.
+            return ""
+        new = [cause for cause in ("emergency", "stop", "silent") if latched[cause] != self._heard[cause]]
+        self._heard |= {cause: latched[cause] for cause in new}
+        return new[0] if new else ""
+
+    @property
+    def pid(self) -> int | None:
+        """The process of the simulation."""
+        return self._process.pid
+
+    @property
+    def memory(self) -> str:
+        """Name of the memory that both processes share."""
+        return self._shared.name
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds per second on the wall; below 1 where the machine is too slow."""
+        return float(self._numbers.get("real_time_factor", 1.0))
 
     def set_limits(self, joints: Sequence[Joint], acceleration: float | None = None) -> None:
         """Put limits in force from the next cycle on; never wider than the robot's own."""
         self._joints = self._request("set_limits", tuple(joints), acceleration)
 
     def gate_state(self) -> dict[str, Any]:
-        """At the last observation: `stopped`, `fault`, `dropped`, `saturated` (joint indices), `at_rest`."""
-        numbers = self._numbers
-        if not numbers or numbers["fault"]:  # The sentence of a fault is only in the other process.
+        """At the last observation: `stopped`, `fault`, `dropped`, `saturated` (joint indices), `at_rest`, and
+        whether the simulation is `corrupt` and how often it was `rebuilt`."""
+        self._check_open()
+        if not self._numbers:
             return self._request("gate_state")
-        return {
-            "stopped": bool(numbers["stopped"]),
-            "fault": "",
-            "dropped": int(numbers["dropped"]),
-            "saturated": [i for i in range(len(self._joints)) if int(numbers["saturated_mask"]) >> i & 1],
-            "at_rest": bool(numbers["at_rest"]),
-        }
+        if self._numbers["released"] < self._shared.releases:
+            # Said before the last release took effect, and so no longer true.
+            return self._gate | {"stopped": False, "fault": "", "corrupt": False}
+        return dict(self._gate)
 
     def timings(self) -> dict[str, float]:
         """`physics`, `render` and `hand_over` of the last observation [ms], and `real_time_factor`."""
@@ -182,45 +216,13 @@ class LiveRig:
 
     # ---- what a simulation adds --------------------------------------------------------------------
 
-    def poses_at(self, q: Array) -> Mapping[str, Array]:
-        """Where the robot's links would be at joints `q` (n,) [rad]."""
-        return self._model.poses(q)
-
-    def poses(self) -> Mapping[str, Array]:
-        """Ground truth at the last observation: body name to (4, 4) T_world_body."""
-        return self._truth.poses
-
-    def arm_model(self) -> ArmModel:
-        """The arm's kinematics as its drawing gives them."""
-        return self._model.arm_model()
-
-    def arm_hull(self) -> ArmHull:
-        """What arm, tool and what they carry take up, as their drawings give it; takes a moment."""
-        return scene_hull(self._model, self._scene)
-
-    def obstacles(self) -> Sequence[Capsule]:
-        """People and obstacles at the last observation as thick segments."""
-        return obstacle_capsules(self._objects, self._truth.poses)
-
-    def visuals(self) -> Sequence[Visual]:
-        """The meshes of the scene."""
-        return self._visuals
-
-    def project(self, camera: str, body: str, point: Sequence[float]) -> Array:
-        """(2,) pixel at which a point of `body` was seen at the last observation [px]."""
-        return self._truth.project(camera, body, point)
-
-    def distance(self, camera: str, body: str, point: Sequence[float]) -> float:
-        """Distance of a point of `body` from a camera at the last observation [m]."""
-        return self._truth.distance(camera, body, point)
-
-    def locate(self, body: str, point: Sequence[float]) -> Array:
-        """(3,) where a point of `body` was at the last observation [m]."""
-        return self._truth.locate(body, point)
-
     def perform(self, action: str, **arguments: object) -> None:
         """Carry out a script action; see `vita.sim.actions`. The next observation shows its effect."""
         self._request("perform", action, arguments)
+
+    def break_in(self, kind: str, value: float = 0.0) -> None:
+        """Make a fault inside the simulation; see `vita.sim.mishaps`."""
+        self._request("break_in", kind, value)
 
     def hard_reset(self, q: np.ndarray) -> None:
         """The arm at q (n,) [rad] at rest, objects and cameras as in the scenario."""
@@ -229,12 +231,6 @@ class LiveRig:
     def close(self) -> None:
         """End the child and free the memory; harmless when done twice."""
         self._end()
-
-    def __enter__(self) -> LiveRig:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     # ---- talking to the child ----------------------------------------------------------------------
 
@@ -280,14 +276,17 @@ class LiveRig:
             raise errors.RigOffline("this rig has been closed")
 
     def _check_alive(self) -> None:
-        if self._process.is_alive():
-            return
+        alive = self._process.is_alive()
         if not self._death and self._asking.acquire(blocking=False):
             try:
-                self._receive(0.0)  # Its last words, if it had time for any; raises.
+                # Nobody waits for an answer: what comes now is its last words, for which it takes longer to
+                # end than to say them, or an answer that came too late.
+                if not alive or self._pipe.poll():
+                    self._receive(0.0)
             finally:
                 self._asking.release()
-        raise self._offline()
+        if not alive or self._death:
+            raise self._offline()
 
     def _offline(self) -> errors.RigOffline:
         self._process.join(0.5)

@@ -22,8 +22,10 @@ from vita.sim.camera_view import CameraView
 from vita.sim.depth_sensor import Depth
 from vita.sim.environment import build_environment
 from vita.sim.joint_limits import limits_in_force, within
+from vita.sim.mishaps import Mishaps
 from vita.sim.objects import build_object
 from vita.sim.props import Props
+from vita.sim.proximity import EVERY_CYCLES, proximity_of
 from vita.sim.render import make_renderer
 from vita.sim.robots import load_robot
 from vita.sim.tools import build_tool
@@ -39,13 +41,9 @@ class World:
     def __init__(self, scenario: Scenario, seed: int | None = None) -> None:
         scene = scenario.scene
         seed = scenario.seed if seed is None else seed
-        self._client = p.connect(p.DIRECT)
-        if self._client < 0:
-            raise RigOffline("pybullet could not open a simulation")
-        # No gravity: the WAM's own controller compensates it, and the motors need not.
-        p.setTimeStep(1 / GATE_HZ, physicsClientId=self._client)
         self.model = load_robot(scene.robot)
-        self.arm = Arm(self._client, self.model, float(np.radians(scene.dead_band_deg)))
+        self._dead_band_rad = float(np.radians(scene.dead_band_deg))
+        self._client, self.arm = self._open()
         self._props = Props(scene.objects)
         self.visuals: tuple[Visual, ...] = (
             *self.model.visuals(),
@@ -59,12 +57,33 @@ class World:
             for spec in scenario.camera
         }
         limits = limits_in_force(self.model.joints, scenario.limits)
-        self.gate = Gate(limits, scenario.limits.acceleration_rad_s2, dt=1 / GATE_HZ)
+        self._proximity = proximity_of(self.model, scenario)
+        self.gate = Gate(
+            limits, scenario.limits.acceleration_rad_s2, dt=1 / GATE_HZ, guarded=self._proximity is not None
+        )
         self._cycles = 0
+        self.mishaps = Mishaps()
+        self.rebuilt = 0
+        """How often the physics had to be built anew because its joint states were not numbers."""
+        self.corrupt = False
+        """Whether that has happened since the last `release`; the gate is stopped while it is so."""
         self.milliseconds = {"physics": 0.0, "render": 0.0}
         """What the last `advance` and the last `frames` cost."""
         q0 = self.model.q_ready if scene.q0_deg is None else np.radians(scene.q0_deg)
         self.hard_reset(q0)
+
+    def _open(self) -> tuple[int, Arm]:
+        """A pybullet client and the arm in it."""
+        client = p.connect(p.DIRECT)
+        if client < 0:
+            raise RigOffline("pybullet could not open a simulation")
+        # No gravity: the WAM's own controller compensates it, and the motors need not.
+        p.setTimeStep(1 / GATE_HZ, physicsClientId=client)
+        try:
+            return client, Arm(client, self.model, self._dead_band_rad)
+        except BaseException:
+            p.disconnect(physicsClientId=client)
+            raise
 
     @property
     def time(self) -> float:
@@ -89,39 +108,93 @@ class World:
         self.gate.command(step, self.time)
 
     def advance(
-        self, duration: float = 1 / FRAME_HZ, each_cycle: Callable[[], None] | None = None
+        self,
+        duration: float = 1 / FRAME_HZ,
+        each_cycle: Callable[[], None] | None = None,
+        asleep: bool = False,
     ) -> None:
         """Let simulated time pass: gate, motors and physics at 240 Hz.
 
         each_cycle: called before each cycle, e.g. to look at a stop flag.
+        asleep: while the arm rests, only the last cycle is worked out; nothing pulls at it without gravity.
         """
         began = time.perf_counter()
+        cycles = round(duration * GATE_HZ)
+        if asleep and self.gate.at_rest and cycles > 1:
+            self._cycles, cycles = self._cycles + cycles - 1, 1
         try:
-            for _ in range(round(duration * GATE_HZ)):
+            q = self._sound()
+            for _ in range(cycles):
                 if each_cycle is not None:
                     each_cycle()
-                q_set, v_set = self.gate.cycle(self.time, self.arm.q())
+                if self._proximity is not None and (
+                    self._cycles % EVERY_CYCLES == 0 or self.gate.blind(self.time)
+                ):
+                    poses = {"world": np.eye(4), **self._props.standing(self.time)}
+                    self.gate.keep_off(self._proximity.look(q, poses, self.time))
+                q_set, v_set = self.gate.cycle(self.time, q)
                 self.arm.drive(q_set, v_set)
+                self.mishaps.befall(self.arm)
                 p.stepSimulation(physicsClientId=self._client)
                 self._cycles += 1
+                q = self._sound()
         except p.error as reason:
             raise RigOffline(f"the simulation ended ({reason}); restart it") from reason
         self.milliseconds["physics"] = 1e3 * (time.perf_counter() - began)
+
+    def _sound(self) -> Array:
+        """(n,) measured joint positions [rad], which are numbers whatever has become of the physics."""
+        q = self.arm.q()
+        if not np.isfinite(q).all():
+            self._rebuild()
+            q = self.arm.q()
+        self._sound_q = q
+        return q
+
+    def _rebuild(self) -> None:
+        """New physics with the arm at rest where it last was; once poisoned, pybullet does not recover.
+        Objects, cameras, time and limits are not in there, and stay. The gate is stopped until `release`."""
+        p.disconnect(physicsClientId=self._client)
+        self._client = -1
+        self._client, self.arm = self._open()
+        self.arm.reset(self._sound_q)
+        self.gate.reset(self._sound_q, self.time)
+        self.gate.stop()
+        self.rebuilt += 1
+        self.corrupt = True
+
+    def release(self) -> None:
+        """Let steps through again. Moves nothing by itself."""
+        self.gate.release()
+        self.corrupt = False
 
     def poses(self) -> dict[str, Array]:
         """Body name to (4, 4) T_world_body; cameras as `camera:NAME`."""
         poses = self._bodies()
         return poses | {f"camera:{name}": view.pose(poses) for name, view in self.views.items()}
 
-    def _bodies(self) -> dict[str, Array]:
-        links = self.arm.poses()
+    def poses_at(self, q: Array) -> dict[str, Array]:
+        """Body name to (4, 4) T_world_body were the joints at q (n,) [rad]; without the cameras."""
+        links = self.model.poses(q)
         return {"world": np.eye(4), **links, **self._props.poses(links, self.time)}
 
-    def frames(self, poses: Mapping[str, Array] | None = None) -> dict[str, Image]:
-        """Camera name to (height, width, 3) RGB picture of this moment; `poses` if they are at hand."""
+    def _bodies(self) -> dict[str, Array]:
+        return self.poses_at(self.arm.q())
+
+    def frames(
+        self, poses: Mapping[str, Array] | None = None, each_view: Callable[[], None] | None = None
+    ) -> dict[str, Image]:
+        """Camera name to (height, width, 3) RGB picture of this moment; `poses` if they are at hand.
+
+        each_view: called before each picture, as a sign of life.
+        """
         began = time.perf_counter()
         poses = self._bodies() if poses is None else poses
-        frames = {name: view.frame(self._renderer, poses, self.time) for name, view in self.views.items()}
+        frames = {}
+        for name, view in self.views.items():
+            if each_view is not None:
+                each_view()
+            frames[name] = view.frame(self._renderer, poses, self.time)
         self.milliseconds["render"] = 1e3 * (time.perf_counter() - began)
         return frames
 
@@ -142,9 +215,15 @@ class World:
         return {
             "stopped": gate.stopped,
             "fault": gate.fault,
+            "kind": gate.kind,
+            "held_off": gate.held_off,
+            "bad": gate.bad,
+            "outside": np.flatnonzero(gate.outside).tolist(),
             "dropped": gate.dropped,
             "saturated": np.flatnonzero(gate.saturated).tolist(),
             "at_rest": gate.at_rest,
+            "corrupt": self.corrupt or gate.corrupt,
+            "rebuilt": self.rebuilt,
         }
 
     def frozen_views(self) -> list[str]:
