@@ -8,6 +8,7 @@ from typing import Any
 
 from vita.errors import BadInput, UnknownName
 from vita.servo.estimators import ESTIMATORS
+from vita.servo.freedom import FREE_MOTIONS
 from vita.servo.policies import POLICIES
 from vita.servo.secondary import SECONDARIES
 
@@ -51,6 +52,12 @@ def check_ranges(config: Any, path: str) -> None:
             raise BadInput(f"{value} is outside {meta['low']} to {meta['high']}{unit}", f"{path}.{f.name}")
 
 
+def range_of(config: type, name: str) -> float:
+    """How far a setting can go, from its lowest to its highest value."""
+    meta = next(f.metadata for f in fields(config) if f.name == name)
+    return float(meta["high"] - meta["low"])
+
+
 @dataclass(frozen=True)
 class ServoConfig:
     """What a person may tune; the `[servo]` table of a scenario file. Angles are in degrees,
@@ -88,6 +95,10 @@ class ServoConfig:
     timeout_s: float = setting(60.0, 0.5, 3600.0, "s", "Give up after", "Longest time from Start to done.")
     secondary: str = choice(
         "none", lambda: SECONDARIES, "Also", "What joint motion that the task leaves free is used for."
+    )
+    free_motions: str = choice(
+        "allow", lambda: FREE_MOTIONS, "Motions left free",
+        "What becomes of joint motion that no constraint holds.",
     )
     moving_goal: float = setting(
         0.0, 0.0, 1.0, "", "Moving goal",

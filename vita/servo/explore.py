@@ -31,6 +31,10 @@ NEAR_ENOUGH = 0.15
 FASTER = 4.0
 """Each try may be so many times as large as the last: a probe inside the noise proves little."""
 TRIES = 8
+EFFECT_SIGMAS = 3.0
+"""A joint that changes no error row by more than so many deviations has shown no effect."""
+LARGER_TRIES = 3
+"""So often is its motion doubled before it is given up."""
 
 
 class Sample(NamedTuple):
@@ -70,6 +74,8 @@ def explore(
     central: bool = False,
     want_px: float = 0.0,
     log: list[Sample] | None = None,
+    sigma: float = 0.0,
+    idle: list[int] | None = None,
 ) -> Exploration:
     """Move each joint of `use` by `delta` [rad] and back, and return the (m, n) Jacobian [px/rad].
 
@@ -77,6 +83,9 @@ def explore(
     instead until some error row has changed by about that much. `central` moves to both sides of the
     start, which makes the quotient exact to second order. Every sample that was arrived at is added to
     `log`, the start first.
+
+    With the noise `sigma` [px] of an error row a joint that moves no row out of it is moved farther, to the
+    other side where there is more room, before it is given up and added to `idle`.
 
     Columns of joints that are not used are zero. The divisor is the measured motion, not the
     commanded one. A joint that is near its upper limit is moved the other way. Raises `JointStuck`.
@@ -95,6 +104,10 @@ def explore(
         else:
             by = _direction(here.q[k], joints[k], sizes[k]) * sizes[k]
             there = yield from _move(back, here, here, _inside(joints[k], home[k], by), log)
+            if sigma > 0.0 and not _seen(there, here, sigma):
+                there, seen = yield from _farther(back, there, here, joints[k], by, sigma, log)
+                if not seen and idle is not None:
+                    idle.append(k)
         last, other = there, here
         if central:
             by = _inside(joints[k], home[k], here.q[k] - there.q[k])
@@ -122,6 +135,28 @@ def _move(back: Exploring, last: Sample, home: Sample, by: float, log: list[Samp
         raise JointStuck(back.joint, moved)
     log.append(there)
     return there
+
+
+def _seen(there: Sample, here: Sample, sigma: float) -> bool:
+    """Whether some row changed by more than the noise of two readings can explain."""
+    change = np.abs(there.e - here.e)
+    return float(change[np.isfinite(change)].max(initial=0.0)) > EFFECT_SIGMAS * np.sqrt(2.0) * sigma
+
+
+def _farther(
+    back: Exploring, last: Sample, home: Sample, joint: Joint, by: float, sigma: float, log: list[Sample]
+) -> Generator[Exploring, Sample, tuple[Sample, bool]]:
+    """Twice as far, a few times over; the other way round where a limit comes first."""
+    there, q = last, float(home.q[back.joint])
+    for _ in range(LARGER_TRIES):
+        by = float(np.clip(2.0 * by, -LARGEST_RAD, LARGEST_RAD))
+        moved = max((_inside(joint, q, side * by) for side in (1.0, -1.0)), key=abs)
+        if abs(moved) <= 1.1 * abs(there.q[back.joint] - q):
+            break  # There is no more room.
+        there = yield from _move(back, there, home, moved, log)
+        if _seen(there, home, sigma):
+            return there, True
+    return there, False
 
 
 def _until_seen(back: Exploring, home: Sample, joint: Joint, want_px: float, log: list[Sample]) -> Move:

@@ -29,6 +29,8 @@ class Learned(NamedTuple):
 
     estimate: Estimate
     samples: Samples
+    idle: tuple[int, ...] = ()
+    """Joints whose motion moved nothing in the images."""
 
 
 class Resting(NamedTuple):
@@ -53,13 +55,16 @@ def learn(start: Sample, joints: Sequence[Joint], use: Sequence[int], config: Se
         readings.append(here.e)
     sigma = noise_of(readings, config.tolerance_px)
     log: list[Sample] = []
+    # A joint without effect is no trouble where motions may be free; looking closer would take time then.
+    closer = sigma if config.free_motions == "hold" else 0.0
+    idle: list[int] = []
     jacobian = yield from explore(
-        here, joints, use, size_of(config, sigma), want_px=config.explore_px, log=log
+        here, joints, use, size_of(config, sigma), want_px=config.explore_px, log=log, sigma=closer, idle=idle
     )
     moved = sizes_of(log, len(joints))
     sizes = np.where(moved > 0.0, moved, size_of(config, sigma))
     samples = Samples(np.array([s.q for s in log]), np.array([s.e for s in log]))
-    return Learned(first_estimate(jacobian, sizes, sigma), samples)
+    return Learned(first_estimate(jacobian, sizes, sigma), samples, tuple(idle))
 
 
 def noise_of(readings: Sequence[Array], tolerance_px: float) -> float:

@@ -19,6 +19,12 @@ DIVERGED_JUMP_PX = 100.0
 """The thesis' rule: an error that grows by so much in one step is lost."""
 STALL_PERIODS = 60
 DEAD_BAND_PERIODS = 10
+SWINGS, SWING_PERIODS = 3, 20
+"""So often must the error have turned over within so many periods: once or twice is an overshoot."""
+FADING = 0.8
+"""What a period leaves of the last swing's far end, lest the long way to the goal count as one."""
+SWING_SIGMAS = 4.0
+"""Errors that are smaller than so many deviations of the noise are no swing."""
 
 
 class Convergence:
@@ -83,3 +89,36 @@ class DeadBand:
 
     def restart(self) -> None:
         self._count = 0
+
+
+class Oscillation:
+    """True when the error goes to and fro: the arm overshoots its goal again and again.
+
+    An arm without mass would overshoot in every period; one that has to slow down first swings more
+    slowly. What both do is that the error turns over. Only errors that stand out of the noise count.
+    """
+
+    def __init__(self) -> None:
+        self._side: Array | None = None
+        """The error at the far end of the last swing (m,), fading [px]."""
+        self._periods = 0
+        self._swings: deque[int] = deque(maxlen=SWINGS)
+
+    def update(self, error: Array, sigma_px: float) -> bool:
+        """Take the error (m,) [px], NaN in rows that are not seen, and the noise of a row."""
+        self._periods += 1
+        error = np.where(np.isfinite(error), error, 0.0)
+        size = float(np.linalg.norm(error))
+        if size < SWING_SIGMAS * sigma_px * np.sqrt(error.size):
+            return False
+        if self._side is None or self._side.shape != error.shape:
+            self._side = error
+            return False
+        self._side = FADING * self._side
+        along, far = float(error @ self._side), float(np.linalg.norm(self._side))
+        if along < -0.5 * size * far:
+            self._swings.append(self._periods)
+            self._side = error
+        elif size > far:
+            self._side = error
+        return len(self._swings) == SWINGS and self._swings[-1] - self._swings[0] <= SWING_PERIODS

@@ -29,6 +29,10 @@ REASONS: dict[str, tuple[State, str]] = {
         "servoing",
         "Lost {culprit}; going on at half speed with the {left} of {rows} error rows that are seen.",
     ),
+    "leaving_view": (
+        "servoing",
+        "{culprit}; going on at half speed. Move the camera so that it sees more of the way.",
+    ),
     "rows_back": ("servoing", "Every tracker is back; full speed in a moment."),
     # What the cameras show.
     "camera_lost": (
@@ -72,6 +76,14 @@ REASONS: dict[str, tuple[State, str]] = {
         "fault",
         "The image moves opposite to what was learned ({culprit}). Acknowledge, then Start learns again.",
     ),
+    "overshooting": (
+        "servoing",
+        "The arm was overshooting its goal; the gain is halved and it goes on at half speed.",
+    ),
+    "weak_motion": (
+        "servoing",
+        "Going on at half speed: {culprit}, so the arm may be near a singular pose.",
+    ),
     "oscillating": (
         "fault",
         "The arm keeps overshooting its goal, also with a lower gain. Acknowledge, lower the gain, and "
@@ -81,6 +93,11 @@ REASONS: dict[str, tuple[State, str]] = {
     "driver_left": (
         "hold",
         "The page that drove the arm is gone, so the arm was stopped. Press Start to go on.",
+    ),
+    "app_silent": (
+        "hold",
+        "vita itself stood still for a second (is the machine asleep or very busy?), so the arm was stopped. "
+        "Press Start to go on.",
     ),
     "closing": ("hold", "vita is ending, so the arm was stopped."),
     "controller_stopped": (
@@ -134,7 +151,11 @@ REASONS: dict[str, tuple[State, str]] = {
     "gate_fault": ("fault", "The gate stopped the arm: {culprit}."),
     "bad_measurement": ("fault", "The robot reported an impossible joint position. The arm was stopped."),
     "internal_error": ("fault", "Internal error: {culprit}. The arm was stopped; Acknowledge to go on."),
-    "images_late": ("hold", "No new images came for a second, so the arm was stopped. Press Start to go on."),
+    "images_late": (
+        "hold",
+        "The images of {late} are late ({ms:.0f} ms), so the arm was stopped. Press Start when they come in "
+        "time again.",
+    ),
     "rig_offline": ("offline", "The simulation does not answer: {culprit}. Restart it."),
     "frozen_feed": ("hold", "Camera {culprit} stopped sending new images. Press Start when it is back."),
     # The stereo-impedance mode.
@@ -159,7 +180,7 @@ REASONS: dict[str, tuple[State, str]] = {
     ),
     "tool_unseen": (
         "hold",
-        "Where the cameras stand cannot be learned, because {culprit}. Move the tripod, then press Start.",
+        "Cannot learn where the cameras stand: {culprit}. Move them, then press Start.",
     ),
     "not_calibrated": (
         "hold",
@@ -172,8 +193,10 @@ REASONS: dict[str, tuple[State, str]] = {
 class _Blank(dict[str, object]):
     """Facts that a sentence asks for but nobody gave read as a dash or NaN, never as a crash."""
 
+    _UNSAID = {"culprit": "?", "why": "?", "late": "every camera"}
+
     def __missing__(self, key: str) -> object:
-        return "?" if key == "culprit" else float("nan")
+        return self._UNSAID.get(key, float("nan"))
 
 
 def status_for(reason: str, **facts: object) -> Status:

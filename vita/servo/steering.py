@@ -6,7 +6,7 @@ may exchange while the arm moves, and carries what is known over from one to the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,6 +90,13 @@ class Steering:
             self._motion.reset()
         self._estimator.tuning = _tuning(config)
 
+    def mistake(self, change: Callable[[Array], Array]) -> None:
+        """Believe `change` of the Jacobian (m, n) from now on; a fault to be tried."""
+        known = self.estimate
+        self._estimator = self._new_estimator(replace(known, jacobian=change(known.jacobian)))
+        self._motion.reset()
+        self._weighted = None
+
     def _new_estimator(self, start: Estimate) -> JacobianEstimator:
         history = Samples(np.array(self._q), np.array(self._e))
         return estimator_of(self.config.estimator)(start, history, _tuning(self.config))
@@ -151,7 +158,7 @@ class Steering:
 
     def insight(self) -> Insight | None:
         """What is known by now; None before the first step."""
-        if self._insight is None:
+        if self._insight is None or not np.isfinite(self.estimate.jacobian).all():
             return None
         error, step = self._insight
         rows = _rows(error)

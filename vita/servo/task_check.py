@@ -14,6 +14,8 @@ from vita.types import Array, Feature
 
 SAME_PX = 2.0
 """Places nearer than this in an image are taken for one and the same: a click is not more exact."""
+APART_PX = 5.0
+"""Goals of one point that are farther apart cannot both be met, whatever the clicks' exactness."""
 SAME_DEG = 2.0
 """Lines that differ by less are taken for parallel."""
 
@@ -36,6 +38,27 @@ def examine_task(
     if len(views) == 1 and len(terms) < 3:
         findings.append(_one_view(views[0]))
     return tuple(findings)
+
+
+def contradiction(terms: Sequence[Term], features: Mapping[str, Feature]) -> str:
+    """Why the task cannot be met whatever the arm does, naming both culprits; empty when nobody can tell yet.
+
+    Only what is certain: one tracker that is sent to two places in its view. Ranked one above the other the
+    two are no contradiction, since then the second only counts where the first leaves the arm free.
+    """
+    points = [t for t in terms if t.kind == "point_to_point" and t.weight > 0.0]
+    for first, second in combinations(points, 2):
+        goals = [features.get(term.points[1]) for term in (first, second)]
+        if first.points[0] != second.points[0] or first.priority != second.priority:
+            continue
+        if all(goal is not None and goal.ok for goal in goals):
+            off = float(np.linalg.norm(goals[0].uv - goals[1].uv))  # type: ignore[union-attr]
+            if off > APART_PX:
+                return (
+                    f"{quoted((first.name, second.name))} cannot both hold: they send {first.points[0]!r} to "
+                    f"goals that are {off:.0f} px apart. Delete one, or move its goal; then Start"
+                )
+    return ""
 
 
 def _alone(term: Term, fixed: frozenset[str]) -> list[Finding]:
