@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 
@@ -13,12 +14,14 @@ from vita.constraints import constraint_of
 from vita.errors import BadInput, UnknownName, Untrackable
 from vita.rig import SimulatedRig
 from vita.scenario.schema import AttachSpec, ConstraintSpec, NoiseSpec, Scenario, TrackerSpec
+from vita.sound import Trackers
 from vita.task import Slot, Task, free_name
 from vita.types import Array, Feature, Observation, frozen
 from vita.vision import ProjectedTracker, make_tracker, tracker_seed
 from vita.vision.base import Tracker
 
 UNDO_DEPTH = 100
+Reports = Callable[[Mapping[str, Feature], Observation], Mapping[str, Feature]]
 
 
 class Editor:
@@ -34,6 +37,7 @@ class Editor:
         self._home = seen.q
         self.task = Task()
         self.features: dict[str, Feature] = {}
+        self._trackers = Trackers()
         self._seed = scenario.seed
         self._origin_q = seen.q
         self._origin_uv: dict[Tracker, Array] = {}
@@ -51,15 +55,39 @@ class Editor:
 
     # ---- every tick ----------------------------------------------------------------------------
 
-    def track(self, seen: Observation, lost: frozenset[str] = frozenset()) -> None:
-        """Update every tracker on the frames of `seen`; the names in `lost` are reported lost."""
-        features = {}
+    def track(
+        self,
+        seen: Observation,
+        lost: frozenset[str] = frozenset(),
+        blind: Mapping[str, str] = MappingProxyType({}),
+        tap: Reports | None = None,
+    ) -> None:
+        """Update every tracker on the frames of `seen`; the names in `lost` are reported lost.
+
+        `blind` names the cameras without a usable picture, and why; what follows something there waits.
+        `tap` is where injected faults change what the trackers report.
+        """
+        features, shapes = {}, {}
         for slot in self.task.slots:
-            feature = slot.tracker.update(seen.frames[slot.spec.camera])
-            if slot.spec.name in lost:
+            name, camera = slot.spec.name, slot.spec.camera
+            shapes[name] = seen.frames[camera].shape
+            if camera in blind:
+                why = f"the {camera} camera's picture cannot be used: {blind[camera]}"
+                features[name] = self._trackers.lost(name, shapes[name], why)
+                continue
+            feature = self._trackers.read(name, slot.tracker, seen.frames[camera], seen.stamp)
+            if name in lost:
                 feature = replace(feature, status="lost", score=0.0, detail="taken away by the script")
-            features[slot.spec.name] = feature
-        self.features = features
+            features[name] = feature
+        reports = features if tap is None else self._tapped(tap, features, seen)
+        self.features = {n: self._trackers.checked(n, reports.get(n), shape) for n, shape in shapes.items()}
+
+    def _tapped(self, tap: Reports, found: Mapping[str, Feature], seen: Observation) -> Mapping[str, Feature]:
+        try:
+            return tap(found, seen)
+        except Exception as failure:  # It stands for trackers that raise.
+            why = f"its code failed ({type(failure).__name__}: {failure})"
+            return {n: replace(f, status="lost", score=0.0, detail=why) for n, f in found.items()}
 
     # ---- whole tasks ---------------------------------------------------------------------------
 
@@ -83,7 +111,8 @@ class Editor:
             placed = self._located(spec)
             slot = Slot(placed, self._make(placed, seen))
             task = task.with_tracker(slot)
-            features[spec.name] = slot.tracker.update(seen.frames[spec.camera])
+            frame = seen.frames[spec.camera]
+            features[spec.name] = self._trackers.read(spec.name, slot.tracker, frame, seen.stamp)
         for constraint in scenario.constraint:
             task = task.with_constraint(constraint, features)
         self._scenario = replace(scenario, script=(), expect=None)
@@ -202,6 +231,7 @@ class Editor:
     def _replace_task(
         self, task: Task, seen: Observation, features: Mapping[str, Feature] | None = None
     ) -> None:
+        self._trackers.keep([s.spec.name for s in task.slots if s in self.task.slots])
         self.task = task
         if features is None:
             self.track(seen)

@@ -27,20 +27,36 @@ class FrozenFeeds:
         self._frames: dict[str, Image] = {}
         self._follows: set[str] = set()
         self._same: dict[str, int] = {}
+        self._crept: dict[str, float] = {}
 
     def update(self, seen: Observation, cameras: Collection[str]) -> list[str]:
         """The names among `cameras` whose feed is frozen as of this observation."""
-        moved = self._q is not None and float(np.abs(seen.q - self._q).max()) > MOVED_RAD
+        moved = 0.0 if self._q is None else float(np.abs(seen.q - self._q).max())
         for name in cameras:
-            frame = seen.frames[name]
-            last = self._frames.get(name)
+            frame, last = seen.frames[name], self._frames.get(name)
             self._frames[name] = frame
-            if last is None or not moved:
+            if last is None:
                 continue
-            if np.array_equal(frame, last):
+            if not np.array_equal(frame, last):
+                self._same[name], self._crept[name] = 0, 0.0
+                if moved > MOVED_RAD:
+                    self._follows.add(name)
+                continue
+            # Slow motion adds up: a servo that creeps on behind a frozen picture must be noticed too.
+            self._crept[name] = self._crept.get(name, 0.0) + moved
+            if self._crept[name] > MOVED_RAD * (self._same.get(name, 0) + 1):
                 self._same[name] = self._same.get(name, 0) + 1
-            else:
-                self._same[name] = 0
-                self._follows.add(name)
         self._q = seen.q
-        return sorted(n for n in self._follows if self._same.get(n, 0) >= FROZEN_FRAMES)
+        return sorted(n for n in self._follows.intersection(cameras) if self._same.get(n, 0) >= FROZEN_FRAMES)
+
+    def still_frozen(self, seen: Observation) -> set[str]:
+        """Of the frozen ones, those whose picture is even now the one with which they stopped."""
+        frozen = {n for n, count in self._same.items() if count >= FROZEN_FRAMES}
+        return {n for n in frozen if np.array_equal(seen.frames[n], self._frames[n])}
+
+    def again(self) -> FrozenFeeds:
+        """For the next run. A camera that stopped stays known as one that can show the arm, because a
+        feed that is frozen from the first picture on would otherwise never be judged."""
+        fresh = FrozenFeeds()
+        fresh._follows = {n for n in self._follows if self._same.get(n, 0) >= FROZEN_FRAMES}
+        return fresh

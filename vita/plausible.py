@@ -14,6 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from vita.drift import DriftWatch
+from vita.jolts import jolted
 from vita.types import Array, Feature, frozen
 
 Mask = NDArray[np.bool_]
@@ -51,8 +53,11 @@ class MotionCheck:
     covariance; all filters are updated at once.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, carried: frozenset[str] = frozenset()) -> None:
+        """`carried` names the trackers that an earlier run has seen to move with the arm."""
         self._names: tuple[str, ...] = ()
+        self._known = carried
+        self._drifted: set[str] = set()
 
     def _begin(self, q: Array, features: Mapping[str, Feature]) -> None:
         self._names = tuple(features)
@@ -70,12 +75,66 @@ class MotionCheck:
         """Where it should be by now, since it was lost or jumped; NaN while it is believed [px]."""
         self._way = np.zeros(count)
         """How far it should have gone since [px]."""
+        self._drift, self._said = DriftWatch(self._uv, q), self._uv
+        self._drifted.clear()
 
-    def judge(self, q: Array, features: Mapping[str, Feature], cameras: Mapping[str, str]) -> Verdict:
-        """Check the features seen at joints `q` (n,) [rad]; `cameras` names each tracker's camera."""
+    @property
+    def carried(self) -> frozenset[str]:
+        """The trackers that were seen to move with the arm while it explored."""
+        if not self._names:
+            return self._known
+        seen = zip(self._names, self._drift.carried, strict=True)
+        return self._known.union(name for name, carried in seen if carried)
+
+    def judge(
+        self,
+        q: Array,
+        features: Mapping[str, Feature],
+        cameras: Mapping[str, str],
+        *,
+        exploring: bool = True,
+        alone: bool = True,
+    ) -> Verdict:
+        """Check the features seen at joints `q` (n,) [rad]; `cameras` names each tracker's camera.
+
+        While `exploring`, the arm's motion owes nothing to the pictures, and what moves with it is carried by
+        it. With `alone`, a feature is judged for drift even if nothing else in its view tells.
+        """
         if self._names != tuple(features):
             self._begin(q, features)
             return Verdict(features)
+        verdict = self._judge(q, features, cameras)
+        return self._without_drift(verdict, q, features, cameras, exploring, alone)
+
+    def _without_drift(
+        self, verdict: Verdict, q: Array, features: Mapping[str, Feature], cameras: Mapping[str, str],
+        exploring: bool, alone: bool,
+    ) -> Verdict:  # fmt: skip
+        """The verdict with the trackers that slide off their features lost, for the rest of the run."""
+        # A feature that was bridged or lost for another reason tells nothing; lines slide by their nature.
+        kept = [verdict.features[n] is f and f.ok and f.segment is None for n, f in features.items()]
+        uv = np.array([feature.uv for feature in features.values()]).reshape(len(kept), 2)
+        told = np.array(kept, bool) & np.array([n not in self._drifted for n in features], bool)
+        told &= (uv != self._said).any(axis=1)  # Who repeats itself is stuck, and may come back.
+        self._said = uv
+        self._drift.update(q, uv, told, exploring)
+        known = self.carried
+        carried = np.array([n in known for n in features], bool) & told
+        worst = None
+        if not exploring:  # Of a few first motions, nobody can tell what the joints do and what they do not.
+            worst = self._drift.drifting([cameras[n] for n in features], carried, alone)
+        if worst is not None:
+            self._drifted.add(self._names[worst])
+        if not self._drifted:
+            return verdict
+        out = dict(verdict.features)
+        for name in self._drifted:
+            lost = replace(features[name], status="lost", score=0.0)
+            out[name] = replace(lost, detail="it does not move as the arm does")
+        return replace(verdict, features=out)
+
+    def _judge(self, q: Array, features: Mapping[str, Feature], cameras: Mapping[str, str]) -> Verdict:
+        """The checks from one picture to the next."""
         dq, self._q = q - self._q, q.copy()
         if not dq.any() or not features:
             return Verdict(features)
@@ -90,13 +149,20 @@ class MotionCheck:
         doubted = np.isfinite(self._expected[:, 0])
         pair = self._swapped(seen, should, off, ok & ~doubted & (off > SIGMAS * sigma), cameras)
         jumped = ok & ~doubted & (off > JUMP_PX + JUMP_SHARE * size) & (off > SIGMAS * sigma)
+        moving = ok & ~doubted & moved.any(axis=1)
+        views = [cameras[name] for name in self._names]
+        turned = np.zeros(len(views), bool) if pair else jolted(views, moving, off > SIGMAS * sigma, jumped)
+        if turned.any():  # The camera moved, and its trackers are right.
+            jumped &= ~turned
+            self._known, self._drift = self.carried, DriftWatch(seen, q)
         jumped[list(pair)] = True
         stuck = ok & ~doubted & ~moved.any(axis=1) & (size > STILL_PX + sigma)
         self._still = np.where(stuck, self._still + 1, 0)
         self._doubt(should, jumped | doubted | ~ok)
         back, miss = self._back(seen, ok & doubted)
         believed = ok & ~jumped & ~(doubted & ~back)
-        self._learn(blur / variance[:, None], blur, dq, moved - should, believed & ~doubted & ~stuck)
+        told = believed & ~doubted & ~stuck & ~turned
+        self._learn(blur / variance[:, None], blur, dq, moved - should, told)
         self._uv = np.where(believed[:, None], seen, self._uv)
         out = dict(features)
         for i in map(int, np.flatnonzero(ok & (~believed | (self._still >= STILL_PERIODS)))):

@@ -57,6 +57,13 @@ class Observation:
     """Depth camera name to (height / 4, width / 4) distance along its optical axis, the top-left pixel of
     every block of 4 by 4; infinite where nothing is, NaN where it could not be measured (a lens that is
     dark or covered) [m]. Only cameras with `depth = true`."""
+    stamps: Mapping[str, float] = field(default_factory=dict)
+    """Camera name to the rig time at which its frame was taken, where that is not `stamp` [s]."""
+
+    @property
+    def oldest_s(self) -> float:
+        """Rig time of the oldest frame [s]."""
+        return min((self.stamp, *self.stamps.values()))
 
 
 @dataclass(frozen=True)

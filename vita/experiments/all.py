@@ -15,6 +15,7 @@ MODULES = (
     "placement",
     "stereo_impedance",
     "side_by_side",
+    "false_alarms",
 )
 """One for each experiment, named as it is."""
 
