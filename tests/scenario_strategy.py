@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import string
 from typing import Any
 
 from hypothesis import strategies as st
 
+from vita.errors import BadInput
 from vita.scenario import names
 from vita.scenario.actions import ACTIONS, PATHS
+from vita.scenario.lengths import check_lengths
 from vita.scenario.schema import (
     AttachSpec,
     CameraSpec,
@@ -38,6 +41,12 @@ def vector(size: float, n: int = 3) -> st.SearchStrategy[tuple]:
 
 
 POINT, ANGLES = vector(100.0), vector(3600.0)
+ALIEN = st.recursive(
+    st.booleans() | st.integers(-(2**63) + 1, 2**63 - 1) | number(-1e300, 1e300) | WORDS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS, inner, max_size=3),
+    max_leaves=5,
+)
+"""What another program may have put into a file."""
 
 
 def unique(draw: Any, spec: Any, most: int, taken: tuple[str, ...] = (), least: int = 0) -> list[str]:
@@ -82,11 +91,13 @@ def trackers(draw: Any, name: str, views: list[CameraSpec], bodies: tuple[str, .
     if kind == "projected":
         noise = draw(st.none() | noises())
         return TrackerSpec(name, camera.name, kind, attach=attach, noise=noise, size_px=size)
-    other = AttachSpec(draw(st.sampled_from(bodies)), draw(POINT)) if kind == "line" else None
+    places = st.builds(AttachSpec, st.sampled_from(bodies), POINT).filter(lambda place: place != attach)
+    other = draw(places) if kind == "line" else None
     if draw(st.booleans()):
         return TrackerSpec(name, camera.name, kind, attach=attach, attach_to=other, size_px=size)
     pixel = st.tuples(number(0.0, camera.size[0] - 1), number(0.0, camera.size[1] - 1))
-    at, to = draw(pixel), draw(pixel) if kind == "line" else None
+    at = draw(pixel)
+    to = draw(pixel.filter(lambda end: math.dist(at, end) >= 3)) if kind == "line" else None
     return TrackerSpec(name, camera.name, kind, at=at, to=to, size_px=size)
 
 
@@ -116,7 +127,7 @@ def scripts(draw: Any, scenario: Scenario, n: int) -> ScriptSpec:
         "size_px": number(1, 4096), "dq_deg": st.lists(number(-90, 90), min_size=1, max_size=n).map(tuple),
         "field": st.just("servo.gain"), "value": number(0.01, 2.0), "path": st.sampled_from(PATHS),
         "radius_m": number(0, 100), "length_m": number(0, 100), "speed_m_s": number(0, 10),
-        "turn_deg_s": number(0, 360),
+        "turn_deg_s": number(0, 360), "joint": st.integers(0, n - 1),
     }  # fmt: skip
     for key, specs in named.items():
         values[key] = st.sampled_from([spec.name for spec in specs]) if specs else st.nothing()
@@ -150,7 +161,10 @@ def scenarios(draw: Any) -> Scenario:
         count = next((n for n in range(1, 5) if names.constraint_fits(kind, widths[:n])), None)
         if count is not None:
             points = tuple(mark.name for mark in here[:count])
-            constraints.append(ConstraintSpec(name, kind, points, draw(number(1e-9, 1e3))))
+            spec = ConstraintSpec(name, kind, points, draw(number(1e-9, 1e3)))
+            with contextlib.suppress(BadInput):
+                check_lengths(Scenario(tracker=tuple(marks), constraint=(spec,)))
+                constraints.append(spec)
     q0 = tuple(draw(number(math.degrees(j.lower), math.degrees(j.upper))) for j in robot.joints)
     scenario = Scenario(
         title=draw(WORDS),
@@ -170,6 +184,7 @@ def scenarios(draw: Any) -> Scenario:
         constraint=tuple(constraints),
         servo=draw(settings_of_servo(n)),
         limits=Limits(speed_rad_s=draw(number(0.01, 3)), joint=draw(joint_limits(n))),
+        extra=draw(st.dictionaries(WORDS.map("x-{}".format), ALIEN, max_size=2)),
     )
     script = tuple(draw(st.lists(scripts(scenario, n), max_size=3)))
     expect = draw(st.none() | expectations((*bodies, *(f"camera:{view.name}" for view in views))))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,8 @@ from test_recording import SUMMARY_KEYS, make_record
 import vita
 from vita import cli
 from vita.errors import BadInput, MissingDependency
+from vita.faults import CATALOGUE, injectors
+from vita.fuzz.base import Report
 from vita.scenario.library import shipped
 from vita.scenario.record import RunRecord
 from vita.servo.insight import Finding
@@ -80,7 +83,7 @@ def copies(task: str, *names: str) -> list[str]:
 def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert outcome(capsys, "--version")[:2] == (0, f"vita {vita.__version__}\n")
     code, out, _ = outcome(capsys, "--help")
-    assert code == 0 and all(verb in out for verb in ("serve", "run", "check", "list"))
+    assert code == 0 and all(re.search(rf"^ +{verb}\b", out, re.MULTILINE) for verb in cli.VERBS)
     for verb in cli.VERBS:
         assert outcome(capsys, verb, "--help")[0] == 0
 
@@ -305,6 +308,120 @@ def test_a_port_that_is_taken_is_a_clear_line(
 
 def test_ctrl_c_is_quiet(task: str, served: list, capsys: pytest.CaptureFixture[str]) -> None:
     assert outcome(capsys, "serve", task, "--port", "2") == (130, "", "")
+
+
+# What can go wrong -------------------------------------------------------------------------------
+
+
+def test_faults_lists_every_row_of_the_catalogue_and_how_to_go_on(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = outcome(capsys, "faults")
+    assert (code, err) == (0, "")
+    rows = {line.split()[0]: line for line in out.splitlines()[1:]}
+    assert list(rows) == list(CATALOGUE)
+    for name, row in CATALOGUE.items():
+        assert all(words in rows[name] for words in (row.title, row.verdict, row.recover))
+        assert rows[name].split()[-1] == ("yes" if name in injectors() else "-")
+
+
+def replaced(monkeypatch: pytest.MonkeyPatch, name: str, **contents: Any) -> None:
+    """Put another module in the place of one that a verb imports."""
+    module = ModuleType(name)
+    vars(module).update(contents)
+    monkeypatch.setitem(sys.modules, name, module)
+
+
+@pytest.fixture
+def fuzzed(monkeypatch: pytest.MonkeyPatch) -> list[tuple]:
+    """Replaces the fuzzers; returns the list of what they were asked. `frames` finds something."""
+    asked: list[tuple] = []
+    for name in ("gate", "files", "events", "frames"):
+
+        def run(seconds: float, seed: int, name: str = name) -> Report:
+            asked.append((name, seconds, seed))
+            bad = tuple(f"frame {i} was taken" for i in range(12)) if name == "frames" else ()
+            return Report(name, 1234, "things", bad, {"worst [ms]": 1.5})
+
+        replaced(monkeypatch, f"vita.fuzz.{name}", run=run)
+    return asked
+
+
+def test_fuzz_runs_one_fuzzer_or_all_and_prints_a_line_for_each(
+    fuzzed: list, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert outcome(capsys, "fuzz", "gate", "--seconds", "2.5", "--seed", "7") == (
+        0, "ok   gate: 1234 things, 0 violations, worst [ms] 1.5\n", "",
+    )  # fmt: skip
+    assert fuzzed == [("gate", 2.5, 7)]
+    for arguments in ((), ("all",)):
+        fuzzed.clear()
+        code, out, _ = outcome(capsys, "fuzz", *arguments)
+        assert code == 1 and [name for name, *_ in fuzzed] == ["gate", "files", "events", "frames"]
+    lines = out.splitlines()
+    assert lines[3].startswith("FAIL frames: 1234 things, 12 violations") and len(lines) == 4 + 10 + 1
+    assert lines[4].strip() == "frame 0 was taken" and lines[-1].strip() == "and 2 more"
+
+
+def test_a_fuzzer_that_tried_nothing_has_not_passed() -> None:
+    assert not Report("gate", 0, "cycles").passed and Report("gate", 1, "cycles").passed
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["fuzz", "gates"], ["fuzz", "--seconds", "0"], ["fuzz", "--seconds", "-1"], ["fuzz", "--seed", "x"],
+        ["fuzz", "--seconds", "nan"], ["soak", "--minutes", "inf"], ["soak", "extra"],
+        ["stop", "--port", "x"], ["replay"], ["faults", "V5"],
+    ],
+)  # fmt: skip
+def test_nothing_is_tried_on_a_callers_mistake(
+    arguments: list[str], fuzzed: list, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = outcome(capsys, *arguments)
+    assert code == 2 and out == "" and "vita" in err and not fuzzed
+
+
+def test_soak_passes_on_what_it_is_asked_and_its_verdict_is_the_exit_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = []
+
+    def run(seconds: float, seed: int, *, out: Path | None) -> Report:
+        asked.append((seconds, seed, out))
+        return Report("soak", 9, "actions", ("memory grew by 99.0 MB",) if seed else ())
+
+    replaced(monkeypatch, "vita.fuzz.soak", run=run)
+    folder = tmp_path / "new"
+    assert outcome(capsys, "soak", "--minutes", "0.5", "--out", str(folder))[0] == 0 and folder.is_dir()
+    code, out, _ = outcome(capsys, "soak", "--seed", "4")
+    assert code == 1 and "memory grew by 99.0 MB" in out
+    assert asked == [(30.0, 0, folder), (900.0, 4, None)]
+
+
+def test_stop_reaches_the_app_of_a_port_and_replay_a_recording(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple] = []
+    replaced(monkeypatch, "vita.stopping", stop=lambda port, emergency: asked.append((port, emergency)) or 1)
+    assert cli.main(["stop"]) == 1 and cli.main(["stop", "--port", "9000", "--emergency"]) == 1
+    assert asked == [(None, False), (9000, True)]
+    told = lambda path, **given: asked.append((path, given)) or 2  # noqa: E731
+    replaced(monkeypatch, "vita.scenario.replay", replay=told)
+    assert cli.main(["replay", "x.npz", "--json", "--out", "o"]) == 2
+    assert asked[2:] == [(Path("x.npz"), {"out": Path("o"), "as_json": True})]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options"),
+    [
+        ([], {}),
+        (["--allow-remote", "--token", "secret"], {"allow_remote": True, "token": "secret"}),
+        (["--allow-unattended"], {"allow_unattended": True}),
+    ],
+)
+def test_serve_passes_on_the_permissions_that_were_given(
+    arguments: list[str], options: dict[str, object], task: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[dict[str, object]] = []
+    replaced(monkeypatch, "vita.ui", serve=lambda scenario, host, port, **given: asked.append(given))
+    assert cli.main(["serve", task, *arguments]) == 0 and asked == [options]
 
 
 # As a process ------------------------------------------------------------------------------------

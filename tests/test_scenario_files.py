@@ -106,7 +106,7 @@ def test_a_save_that_fails_leaves_the_old_file_and_no_litter(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(BadInput, match="No space left"):
+    with pytest.raises(BadInput, match="not saved: disk full"):
         save(Scenario(), path)
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["task.toml"]
 
@@ -119,7 +119,7 @@ def test_an_invalid_scenario_is_never_written(tmp_path: Path) -> None:
 
 def test_saving_to_a_place_that_is_not_there_is_a_clear_error(tmp_path: Path) -> None:
     for path in (tmp_path / "no" / "x.toml", tmp_path):
-        with pytest.raises(BadInput, match="cannot write"):
+        with pytest.raises(BadInput, match="not saved: "):
             save(Scenario(), path)
     assert not os.listdir(tmp_path)
 
@@ -136,7 +136,7 @@ def test_saving_through_a_link_keeps_the_link(tmp_path: Path) -> None:
 WRONG = [
     # old text, new text, path of the culprit, part of the message
     ("schema = 1\n", "", "schema", "schema = 1"),
-    ("schema = 1", "schema = 2", "schema", "newer vita"),
+    ("schema = 1", "schema = 2", "schema", "by version 2 of the format; this is 1: install a newer vita"),
     ("schema = 1", "schema = 0", "schema", "no schema 0"),
     ("schema = 1", 'schema = "1"', "schema", "whole number"),
     ("seed = 7", "sead = 7", "sead", "Did you mean 'seed'"),
@@ -239,7 +239,7 @@ def test_a_mistake_is_refused_with_its_path(old: str, new: str, path: str | None
     with pytest.raises(BadInput) as caught:
         loads(TASK.replace(old, new, 1), source="my.toml")
     message = str(caught.value)
-    assert message.startswith("my.toml: ") and words in message and len(message) < 700
+    assert message.startswith("my.toml: ") and words in message and len(message) < 1000
     if path is not None:
         assert caught.value.path == path and f"my.toml: {path}: " in message
 
@@ -315,7 +315,7 @@ def test_a_hostile_file_is_refused_in_a_sentence(kind: str, tmp_path: Path) -> N
         (b"\xef\xbb\xbf" + TASK.encode(), "byte-order mark"),
         (TASK.encode().replace(b"corner with", b"corner\xff with"), "line 2: not a text file in UTF-8"),
         (b"\x7fELF\x02\x01\x01\x00" + bytes(100), "line 1"),
-        (b"#" * (MAX_BYTES + 1), "larger than 1 MB"),
+        (b"#" * (MAX_BYTES + 1), "larger than 250 kB"),
         (TASK.encode().replace(b"seed = 7", b"seed = "), "line 3"),
         (TASK.encode().replace(b"seed = 7", b"seed = 7\nseed = 7"), "line 4"),
         (b"schema = 1\nseed = " + b"9" * 10_000, "line 2"),

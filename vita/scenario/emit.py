@@ -17,9 +17,9 @@ _WIDTH = 100
 
 def document(table: Mapping[str, Any]) -> str:
     """The TOML text of a plain table: its scalars first, then its tables and lists of tables."""
-    lines = [f"{_key(k)} = {_value(v, k)}" for k, v in table.items() if not _is_block(v)]
+    lines = [f"{_key(k)} = {_value(v, k)}" for k, v in table.items() if not is_block(v)]
     for key, value in table.items():
-        if not _is_block(value):
+        if not is_block(value):
             continue
         many = isinstance(value, list)
         for block in value if many else [value]:
@@ -28,7 +28,8 @@ def document(table: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _is_block(value: Any) -> bool:
+def is_block(value: Any) -> bool:
+    """Whether a value is written as a table of its own, after all plain ones."""
     if isinstance(value, Mapping):
         return True
     return isinstance(value, list) and bool(value) and all(isinstance(v, Mapping) for v in value)
@@ -62,6 +63,6 @@ def _value(value: Any, key: str = "") -> str:
         return f"{{ {inside} }}" if inside else "{}"
     items = [_value(v) for v in value]
     line = f"[{', '.join(items)}]"
-    if _is_block(value) and (len(items) > 1 or len(key) + len(line) > _WIDTH):
+    if is_block(value) and (len(items) > 1 or len(key) + len(line) > _WIDTH):
         return "[\n" + "".join(f"    {item},\n" for item in items) + "]"
     return line

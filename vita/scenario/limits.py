@@ -11,10 +11,12 @@ import re
 
 from vita.errors import BadInput
 from vita.scenario.schema import NoiseSpec, Scenario
-from vita.scenario.typed import shown
+from vita.scenario.typed import join, number, shown, text
 
 NAME = re.compile(r"[A-Za-z0-9 _.-]{1,64}")
 COUNTS = {"camera": 4, "tracker": 64, "constraint": 64, "script": 256}
+LONGEST_TEXT = 4000
+"""Of the description, and of every text under an `x-` key [characters]."""
 _METRES, _DEGREES, _PIXELS, _SECONDS = (-100.0, 100.0), (-3600.0, 3600.0), (-1e5, 1e5), (0.0, 1e5)
 _SIZE_PX, _SPEED = (4.0, 2000.0), (0.01, 3.0)
 
@@ -27,12 +29,13 @@ def check_numbers(scenario: Scenario) -> None:
     if len(scenario.scene.objects) > 64:
         raise BadInput(f"at most 64 are possible, got {len(scenario.scene.objects)}", "scene.objects")
     _words(scenario.title, 200, "title")
-    _words(scenario.description, 4000, "description", "\n\t")
+    _words(scenario.description, LONGEST_TEXT, "description", "\n\t")
     _between(scenario.seed, (0, 2**63 - 1), "seed")
     _scene(scenario)
     _trackers(scenario)
     _script(scenario)
     _expect(scenario)
+    _extra(scenario)
 
 
 def _between(value: object, bounds: tuple[float, float], path: str) -> None:
@@ -48,9 +51,13 @@ def _between(value: object, bounds: tuple[float, float], path: str) -> None:
         raise BadInput(f"{shown(value)} is outside {bounds[0]:g} to {bounds[1]:g}", path)
 
 
-def _words(value: str, longest: int, path: str, allowed: str = "") -> None:
+def _short(value: str, path: str, longest: int = LONGEST_TEXT) -> None:
     if len(value) > longest:
         raise BadInput(f"at most {longest} characters are possible, got {len(value)}", path)
+
+
+def _words(value: str, longest: int, path: str, allowed: str = "") -> None:
+    _short(value, path, longest)
     for c in value:
         if not c.isprintable() and c not in allowed:
             raise BadInput(f"holds the control character {c!r}", path)
@@ -157,3 +164,32 @@ def _expect(scenario: Scenario) -> None:
             _between(expect.final_distance_mm.along, (-1.0, 1.0), f"{path}.along")
             if not any(expect.final_distance_mm.along):
                 raise BadInput("a direction cannot be zero", f"{path}.along")
+
+
+MOST_EXTRA, DEEPEST_EXTRA = 2000, 8
+"""How many values the `x-` keys may hold altogether, and how deep they may lie."""
+
+
+def _extra(scenario: Scenario) -> None:
+    """What other programs put into the file must be what every TOML writer can write back the same."""
+    left = MOST_EXTRA
+    todo: list[tuple[object, str, int]] = [(scenario.extra, "", 0)]
+    while todo:
+        value, path, depth = todo.pop()
+        left -= 1
+        if left < 0 or depth > DEEPEST_EXTRA:
+            most = f"{MOST_EXTRA} values, {DEEPEST_EXTRA} deep"
+            raise BadInput(f"at most {most}, are possible under x- keys", path)
+        if isinstance(value, dict):
+            for key in value:
+                _short(text(key, path), path, 200)
+            todo += [(v, join(path, k), depth + 1) for k, v in value.items()]
+        elif isinstance(value, list):
+            todo += [(v, f"{path}[{i}]", depth + 1) for i, v in enumerate(value)]
+        elif isinstance(value, str):
+            _short(text(value, path), path)
+        elif not isinstance(value, bool):
+            if not isinstance(value, (int, float)):
+                wanted = "text, numbers, true or false, lists and tables"
+                raise BadInput(f"expected {wanted}, got {shown(value)}", path)
+            number(value, path)

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 OUTCOMES = ("converged", "limited", "held", "fault", "timeout")
 MODES = ("uvs", "impedance")
 NO_TOOL = "none"
+LINE = "line"
+"""The tracker kind that gives two points, the ends of a line."""
 
 
 def constraint_kinds() -> tuple[str, ...]:
@@ -40,6 +42,19 @@ def constraint_roles(kind: str) -> tuple[str, ...]:
     from vita.constraints import CONSTRAINTS
 
     return CONSTRAINTS[kind].roles
+
+
+def constraint_lines(kind: str) -> tuple[tuple[int, int], ...]:
+    """Which pairs of a constraint's points are the ends of a line."""
+    from vita.constraints import CONSTRAINTS
+
+    return CONSTRAINTS[kind].lines()
+
+
+def shortest_line_px() -> float:
+    from vita.constraints.base import MIN_LINE_PX
+
+    return MIN_LINE_PX
 
 
 def tracker_kinds() -> tuple[str, ...]:

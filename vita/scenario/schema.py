@@ -140,7 +140,7 @@ class ScriptSpec:
 
     at_s: float
     do: str
-    arguments: dict[str, Any] = field(default_factory=dict)
+    arguments: dict[str, Any] = field(default_factory=dict, metadata={"prefix": ""})
     """The entry's other keys, passed to the action."""
 
 
@@ -228,3 +228,6 @@ class Scenario:
     """What Start does: `uvs`, uncalibrated visual servoing of the drawn constraints, or `impedance`,
     following a marker seen in stereo with a virtual mass (`[impedance]`)."""
     schema: int = SCHEMA
+    extra: dict[str, Any] = field(default_factory=dict, hash=False, metadata={"prefix": "x-"})
+    """What other programs put into the file, under top-level keys that begin with `x-`; kept and written
+    back."""

@@ -26,7 +26,7 @@ ALWAYS = ("schema", "scene", "robot")
 def join(path: str, key: object) -> str:
     """The path of `key` within `path`, e.g. `camera[1]` and `fov_deg` give `camera[1].fov_deg`."""
     key = str(key)
-    if not key.isprintable() or len(key) > 64:
+    if not key or not key.isprintable() or len(key) > 64:
         key = repr(key[:64])
     return f"{path}.{key}" if path else key
 
@@ -64,7 +64,7 @@ def number(value: object, path: str) -> float:
         return float(whole(value, path))
     if not math.isfinite(value):
         raise BadInput(f"{value!r} is not a finite number", path)
-    return float(value)
+    return float(value) + 0.0  # -0.0 is read as 0.0, so that no angle depends on the sign of nothing
 
 
 def text(value: object, path: str) -> str:
@@ -131,22 +131,32 @@ def build(cls: type[T], table: object, path: str = "") -> T:
     if not isinstance(table, Mapping):
         raise BadInput(f"expected a table, got {shown(table)}", path)
     hints = hints_of(cls)
-    if "arguments" in hints:  # a script entry: the keys that it does not know belong to its action
-        own = [name for name in hints if name != "arguments"]
-        extra = {key: value for key, value in table.items() if key not in own}
-        table = {key: value for key, value in table.items() if key in own}
-    else:
-        own, extra = list(hints), None
-        check_keys(table, own, path)
+    rest = _rest(cls)
+    own = [name for name in hints if name != rest]
+    extra = {key: value for key, value in table.items() if rest and key not in own and _taken(cls, rest, key)}
+    table = {key: value for key, value in table.items() if key not in extra}
+    check_keys(table, own, path)
     values: dict[str, Any] = {}
     for f in dataclasses.fields(typing.cast(Any, cls)):
         if f.name in table:
             values[f.name] = convert(hints[f.name], table[f.name], join(path, f.name))
         elif f.default is dataclasses.MISSING and f.default_factory is dataclasses.MISSING:
             raise BadInput(f"the key {f.name!r} is missing", path)
-    if extra is not None:
-        values["arguments"] = extra
+    if rest:
+        values[rest] = extra
     return cls(**values)
+
+
+def _rest(cls: type) -> str:
+    """The field that takes the keys which are no fields themselves, if there is one: a script entry's
+    belong to its action, a scenario's `x-` keys to other programs."""
+    return next((f.name for f in dataclasses.fields(typing.cast(Any, cls)) if "prefix" in f.metadata), "")
+
+
+def _taken(cls: type, rest: str, key: str) -> bool:
+    """Whether the field `rest` takes this key."""
+    (prefix,) = (f.metadata["prefix"] for f in dataclasses.fields(typing.cast(Any, cls)) if f.name == rest)
+    return str(key).startswith(prefix)
 
 
 def plain(value: object, path: str = "") -> Any:
@@ -155,7 +165,7 @@ def plain(value: object, path: str = "") -> Any:
         table: dict[str, Any] = {}
         for f in dataclasses.fields(value):
             item = getattr(value, f.name)
-            if f.name == "arguments":
+            if "prefix" in f.metadata:
                 table.update({k: plain(v, join(path, k)) for k, v in item.items()})
             elif item is not None and (f.name in ALWAYS or not _is_default(f, item)):
                 table[f.name] = plain(item, join(path, f.name))

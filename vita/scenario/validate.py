@@ -15,7 +15,10 @@ from vita.errors import BadInput, UnknownName
 from vita.impedance.repulsion import check_balance
 from vita.scenario import names
 from vita.scenario.actions import checked_action
+from vita.scenario.emit import is_block
+from vita.scenario.lengths import check_lengths
 from vita.scenario.limits import check_numbers
+from vita.scenario.names import LINE
 from vita.scenario.schema import (
     SCHEMA,
     CameraSpec,
@@ -26,10 +29,9 @@ from vita.scenario.schema import (
     TrackerSpec,
 )
 from vita.scenario.typed import build, plain, whole
+from vita.stereo.rig_file import load_rig
 from vita.types import Joint
 
-LINE = "line"
-"""The tracker kind that gives two points, the ends of a line."""
 DEG = math.degrees(1.0)
 """Degrees in a radian."""
 
@@ -44,13 +46,16 @@ def from_plain(table: Mapping[str, Any]) -> Scenario:
     _check_schema(table)
     scenario: Scenario = build(Scenario, table)
     script = tuple(checked_action(entry, f"script[{i}]") for i, entry in enumerate(scenario.script))
-    scenario = replace(scenario, script=script)
+    # In the order in which a file has them: plain values first.
+    extra = dict(sorted(scenario.extra.items(), key=lambda item: is_block(item[1])))
+    scenario = replace(scenario, script=script, extra=extra)
     check_numbers(scenario)
     robot = _robot(scenario)
     bodies = _check_scene(scenario, robot.links)
     cameras = _check_cameras(scenario.camera, bodies[1:])
     trackers = _check_trackers(scenario.tracker, cameras, bodies)
     _check_constraints(scenario.constraint, trackers)
+    check_lengths(scenario)
     _check_joints(scenario, robot.joints)
     for i, entry in enumerate(script):
         _check_references(entry, f"script[{i}]", scenario, len(robot.joints))
@@ -64,9 +69,14 @@ def _check_schema(table: Mapping[str, Any]) -> None:
         raise BadInput(f"the key is missing; a scenario file starts with `schema = {SCHEMA}`", "schema")
     version = whole(table["schema"], "schema")
     if version > SCHEMA:
-        raise BadInput(f"{version} was made by a newer vita; this one reads up to {SCHEMA}", "schema")
+        raise BadInput(newer(version), "schema")
     if version < 1:
         raise BadInput(f"there is no schema {version}; write `schema = {SCHEMA}`", "schema")
+
+
+def newer(version: int) -> str:
+    """What to say of a file of a later version."""
+    return f"made by version {version} of the format; this is {SCHEMA}: install a newer vita"
 
 
 def _robot(scenario: Scenario) -> names.RobotNames:
@@ -263,6 +273,9 @@ def _check_references(entry: ScriptSpec, path: str, scenario: Scenario, n: int) 
             f"{scenario.scene.robot} has {n} joints, got {len(entry.arguments['dq_deg'])} angles",
             f"{path}.dq_deg",
         )
+    if entry.do == "lock_joint" and not 0 <= entry.arguments["joint"] < n:
+        got = entry.arguments["joint"]
+        raise BadInput(f"the robot has the joints 0 to {n - 1}, got {got}", f"{path}.joint")
     if entry.do == "set" and entry.arguments["field"] == "servo.joints":
         for joint in entry.arguments["value"]:
             if joint >= n:
@@ -279,6 +292,11 @@ def _check_mode(scenario: Scenario, cameras: Mapping[str, CameraSpec]) -> None:
         known("depth camera", scenario.impedance.depth, [n for n, c in cameras.items() if c.depth],
               "impedance.depth")  # fmt: skip
     check_balance(scenario.impedance)
+    if scenario.impedance.rig_file:
+        try:
+            load_rig(scenario.impedance.rig_file)
+        except BadInput as error:
+            raise BadInput(str(error), "impedance.rig_file") from None
 
 
 def _check_expect(scenario: Scenario, bodies: Sequence[str], cameras: Iterable[str]) -> None:
