@@ -62,7 +62,8 @@ class KinematicRig:
         self.acceleration = acceleration
 
     def gate_state(self) -> Mapping[str, object]:
-        return {"fault": self.gate_fault}
+        rest = {"saturated": (), "dropped": 0, "at_rest": True}
+        return {"fault": self.gate_fault, "stopped": self.stopped, **rest}
 
     def stop_now(self) -> None:
         self.stopped = True
@@ -73,7 +74,7 @@ class KinematicRig:
 
     def hand(self) -> Array:
         a = np.cumsum(self.q)
-        return np.array([np.cos(a).sum(), np.sin(a).sum(), 0.3 * np.cos(a[0] - a[2])])
+        return np.array([np.cos(a).sum(), np.sin(a).sum(), 0.8 * np.sin(a[0] - a[2])])
 
     def project(self, camera: str, body: str, point: Sequence[float]) -> Array:
         where = self.hand() + point if body == "tool" else np.array(point, float)
@@ -121,7 +122,7 @@ class KinematicRig:
         self.closed = True
 
 
-GOAL = (2.35, 1.15, 0.21)
+GOAL = (2.35, 1.15, -0.571)
 
 
 def scenario(**changes: object) -> Scenario:

@@ -7,31 +7,43 @@ with the scenario. The browser's runner and a headless script run the same engin
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from vita import commands as cmd
+from vita import states
+from vita.camera_watch import CameraWatch
 from vita.editing import Editor
-from vita.errors import BadInput, NotNow, UnknownName
-from vita.faults import Site, Tap, inject
-from vita.feeds import FrozenFeeds
+from vita.errors import NotNow, RigOffline, UnknownName, VitaError
+from vita.evidence import Ring
+from vita.faults import Site, Tap
+from vita.gate_words import GateWords
 from vita.impedance.view import ImpedanceView
+from vita.orders import ORDERS
 from vita.outlook import ghost, ghost_poses
+from vita.pace import Pace
 from vita.rig import SimulatedRig
 from vita.scenario.schema import Scenario
 from vita.servo import Controller, status_for
+from vita.servo.reasons import REASONS
 from vita.servoing import Servoing
 from vita.snapshot import Snapshot
 from vita.stopwatch import Stopwatch
-from vita.tuning import SETTINGS, put_limits, set_mode
+from vita.tuning import set_mode
 from vita.types import ErrorVector, JointStep, Notice, Observation, Status
 
 if TYPE_CHECKING:
     from vita.following import Following
     from vita.impedance.controller import ImpedanceController
+
+HELD_MEANWHILE = "held meanwhile: the state has changed since this was clicked; look, and click again"
+
+
+def words(command: object) -> str:
+    """A command in a few words, for the evidence; a whole scenario would not be."""
+    return "LoadTask" if isinstance(command, cmd.LoadTask) else repr(command)[:120]
 
 
 class Engine:
@@ -44,12 +56,20 @@ class Engine:
         self._watch = Stopwatch(clock)
         self._tick = 0
         self._notices: list[Notice] = []
-        self._lost_until: dict[str, float] = {}
+        self.lost_until: dict[str, float] = {}
+        """Tracker name to when a script gives it back [s]."""
         self.tap = Tap()
         """Where injected faults get in; empty unless people try one."""
-        self.site = Site(self, self.tap)
+        self.site = Site(self, self.tap, child_pid=getattr(rig, "pid", None))
         self._estop: Status | None = None
+        self._away: Status | None = None
         self._revision, self._last_state = 0, "idle"
+        self.ring = Ring()
+        """What the last ten seconds saw and did."""
+        self.evidence = ""
+        """File of the last recording that a fault left; whoever writes it says so here."""
+        self.phase, self.beats = "", 0
+        """What a tick is at, for people, and a count that stands still while it is stuck."""
         self.following: Following | None = None
         """The stereo-impedance mode, while it is in force."""
         self.impedance = scenario.impedance
@@ -59,8 +79,16 @@ class Engine:
         """The servo of the drawn constraints; it keeps what it knows while the other mode is in force."""
         self.limits = scenario.limits
         set_mode(self, scenario.mode)
-        self._feeds = FrozenFeeds()
+        self.cameras = CameraWatch(
+            {spec.name: spec.size for spec in scenario.camera}, getattr(rig, "reopen", None)
+        )
         self.last_step: JointStep | None = None
+        self.dropped_steps = 0
+        """Commands that the gate did not carry out, since the rig was built."""
+        self._rebuilt = 0
+        self._pace = Pace()
+        self._gate: Mapping[str, object] | None = None
+        self._gate_words = GateWords()
 
     @property
     def mode(self) -> Servoing | Following:
@@ -84,18 +112,26 @@ class Engine:
 
     @property
     def status(self) -> Status:
-        return self._estop or self.active.status
+        """An emergency stop lies above a robot that is gone, and that above the servo's own state."""
+        return self._estop or self._away or self.active.status
 
     @property
     def moving(self) -> bool:
-        return self._estop is None and self.active.moving
+        return self._estop is None and self._away is None and self.active.moving
+
+    @property
+    def away(self) -> bool:
+        """Whether the robot is gone."""
+        return self._away is not None
 
     @property
     def revision(self) -> int:
-        """Grows with every change of state."""
-        state = self.status.state
-        if state != self._last_state:
-            self._revision, self._last_state = self._revision + 1, state
+        """Grows with every change of state, and with every Stop."""
+        status = self.status
+        if status.state != self._last_state:
+            change = f"{self._last_state} -> {status.state}"
+            self.ring.say(self.observation.stamp, "state", change, status.reason, status.message)
+            self._revision, self._last_state = self._revision + 1, status.state
         return self._revision
 
     # ---- one tick ------------------------------------------------------------------------------
@@ -104,37 +140,84 @@ class Engine:
         """Run one control period and publish it. Raises `RigOffline` when the rig is gone."""
         watch = self._watch
         watch.begin()
-        self.observation = self.tap.observation(self.rig.observe())
+        self._at("observe")
+        seen = self.rig.observe()
+        self._at("work")
+        self.observation = self._pictures(seen)
         watch.lap("observe")
-        if self.status.state == "offline":
-            self.active.status = status_for("images_late")  # It has come back by itself.
-        self.editor.track(self.observation, lost=self._forced_losses())
-        self.editor.features = dict(self.tap.reports(self.editor.features, self.observation))
+        self._away = None  # It is there, again.
+        self.phase = "track"
+        self.editor.track(
+            self.observation, self._forced_losses(), self.cameras.unusable, tap=self.tap.reports
+        )
         self.mode.see(self.observation)
+        self._offer()
         self._pass_on()
+        if words := self._pace.look(self._real_time_factor()):
+            self.say(words)
         watch.lap("track")
+        self.phase = "servo"
         self.last_step = self.tap.command(self._decide())
         self.rig.command(self.last_step)
         watch.lap("servo")
         self._tick += 1
+        self.phase = "publish"
         snapshot = self.snapshot()
+        self.ring.note(self.observation, snapshot, self.last_step, self._gate)
         watch.lap("publish")
+        self._at("")
         return snapshot
 
+    def _at(self, phase: str) -> None:
+        self.phase = phase
+        self.beats += 1
+
+    def _heed_gate(self) -> None:
+        """A simulation that had to be rebuilt is an emergency, also while the arm rests."""
+        gate = self.rig.gate_state()
+        self.dropped_steps = int(gate.get("dropped", 0))  # type: ignore[call-overload]
+        rebuilt = int(gate.get("rebuilt", bool(gate.get("corrupt"))))  # type: ignore[arg-type]
+        if rebuilt > self._rebuilt:
+            self.estop("state_corrupt")
+        self._rebuilt = rebuilt
+
     def _decide(self) -> JointStep | None:
+        self._heed_gate()
         if not self.moving:
+            self._gate = None
             return None
-        gate_fault = str(self.rig.gate_state()["fault"])
+        self._gate = self.rig.gate_state()
+        for words_of_gate in self._gate_words.update(self._gate, self.rig.joints):
+            self.say(words_of_gate, "warning")
+        gate_fault = str(self._gate["fault"])
         if gate_fault:
-            self.fail("gate_fault", gate_fault)
+            self.fail(str(self._gate.get("kind") or "gate_fault"), gate_fault)
             return None
         self._check_feeds()
         return self.mode.decide(self.observation, self.limits) if self.moving else None
 
+    def _pictures(self, seen: Observation) -> Observation:
+        """The observation with a blank picture in place of each that cannot be used."""
+        try:
+            seen = self.tap.observation(seen)
+        except RigOffline:
+            raise
+        except Exception as failure:  # It stands for a camera whose driver raises.
+            seen = self.cameras.failed(seen, failure)
+        return self.cameras.take(seen)
+
     def _check_feeds(self) -> None:
-        frozen = self._feeds.update(self.observation, self.mode.cameras)
-        if frozen:
-            self.active.halt("frozen_feed", culprit=", ".join(repr(name) for name in frozen))
+        """Rest when the cameras show nothing to move by."""
+        trouble = self.cameras.trouble(self.observation, self.mode.cameras)
+        if trouble is not None:
+            self.active.halt(trouble.reason, **trouble.facts)
+
+    def _offer(self) -> None:
+        """Say so when the cameras that stopped the arm are well again."""
+        words = self.cameras.offer(self.observation, self.active.status)
+        if words:
+            self.active.status = replace(self.active.status, message=words)
+            self.say(words)
 
     def _pass_on(self) -> None:
         """What the mode has to tell people."""
@@ -144,34 +227,82 @@ class Engine:
 
     def _forced_losses(self) -> frozenset[str]:
         now = self.observation.stamp
-        return frozenset(name for name, until in self._lost_until.items() if now < until)
+        return frozenset(name for name, until in self.lost_until.items() if now < until)
 
     # ---- what people ask -----------------------------------------------------------------------
 
-    def apply(self, command: cmd.Command) -> None:
-        """Carry out one command. Raises `VitaError` and changes nothing when it cannot."""
-        handler = self._HANDLERS.get(type(command))
-        if handler is None:
-            raise UnknownName("command", type(command).__name__, (t.__name__ for t in self._HANDLERS))
-        handler(self, command)
+    def apply(self, command: cmd.Command, revision: int | None = None) -> None:
+        """Carry out one command. Raises `VitaError` and changes nothing when it cannot.
 
-    def stop(self, reason: str = "stopped_by_user") -> None:
-        """Rest now: the arm brakes from the next gate cycle on."""
-        if self.moving:
-            self.active.halt(reason)
+        revision: `Snapshot.revision` that was seen when this was asked for. What was meant for another state
+        is refused, because it would mean something else now.
+        """
+        try:
+            event = self.check(command, revision)
+            if event == "start" and self.moving:
+                return  # A second click is not a second start.
+            ORDERS[type(command)](self, command)
+        except VitaError as refusal:
+            self.ring.say(self.observation.stamp, "refused", words(command), "", str(refusal))
+            raise
+        self.ring.say(self.observation.stamp, "command", words(command))
+        if event == "edit" and self._last_state in ("hold", "done"):
+            # The task has changed, not what the arm is permitted: the clicks after it are still meant.
+            self._last_state = self.status.state
+
+    def check(self, command: cmd.Command, revision: int | None = None) -> str:
+        """The event that a command stands for. Raises `NotNow` where the state of now does not allow it."""
+        event = states.event_of(command)
+        if event is None or type(command) not in ORDERS:
+            raise UnknownName("command", type(command).__name__, (t.__name__ for t in ORDERS))
+        stale = revision is not None and revision < self.revision and event in states.CLICKS
+        if stale and not (event == "start" and self.moving):
+            raise NotNow(HELD_MEANWHILE)
+        states.following(event, self.status.state)
+        return event
+
+    def stop(self, reason: str = "stopped_by_user", **facts: object) -> None:
+        """Rest now: the arm brakes from the next gate cycle on. Whatever was clicked before is stale."""
+        self._revision += 1
+        self.hold(reason, **facts)
         self.last_step = None
         self.rig.command(None)
 
+    def hold(self, reason: str, **facts: object) -> None:
+        """Leave motion, if the arm moves, for the state that `reason` leads to."""
+        if self.moving:
+            self.active.halt(reason, **facts)
+        self.last_step = None
+
     def estop(self, reason: str = "estop", culprit: str = "pressed at the page") -> None:
         """Rest now, and stay there until `Reset`. Idempotent: the first reason stays."""
-        self.stop()
-        self.rig.stop_now()
+        self.hold("stopped_by_user")
         self._estop = self._estop or status_for(reason, culprit=culprit)
+        self._revision += 1
+        # The latch comes first: a rig that is gone cannot be told, and is not to undo it.
+        try:
+            self.rig.stop_now()
+            self.rig.command(None)
+        except RigOffline as failure:
+            self.lose(culprit=str(failure).partition("\n")[0])
 
-    def fail(self, reason: str, culprit: str) -> None:
-        """A fault from outside (exception in the loop, rig gone): rest and say so."""
-        self.active.status = status_for(reason, culprit=culprit)
+    def fail(self, reason: str, culprit: str, **facts: object) -> None:
+        """A fault from outside (exception in the loop, a controller that hung): rest and say so."""
+        if REASONS[reason][0] == "offline":
+            self.lose(culprit, reason)
+            return
+        self.active.status = status_for(reason, culprit=culprit, **facts)
         self.active.progress = ""
+        self.last_step = None
+
+    def lose(self, culprit: str, reason: str = "rig_offline", silent_s: float = 1.0) -> None:
+        """The robot is gone, and was silent for `silent_s`: offline until it is back. A fault beneath it
+        stays, and nothing moves again before somebody presses Start."""
+        self.active.halt("images_late", late="every camera", ms=1e3 * silent_s)
+        self.last_step = None
+        self._away = self._away or status_for(reason, culprit=culprit)
+        with suppress(RigOffline):
+            self.rig.stop_now()  # Should it be there after all, or come back, it is to stay where it is.
 
     @property
     def notices(self) -> tuple[Notice, ...]:
@@ -182,112 +313,36 @@ class Engine:
         """Go on with the messages and the tick count of an engine whose place this one takes, so
         that readers who compare numbers see them grow."""
         self._tick, self._revision = other._tick, other.revision + 1
-        self._notices = list(other._notices)
+        self._notices, self.evidence = list(other._notices), other.evidence
+        self.ring = other.ring
+        self._last_state, self._estop = other._last_state, other._estop
+        if self._estop is not None:
+            self.rig.stop_now()
         self.site.address, self.site.later = other.site.address, other.site.later
+        self.site.page = other.site.page
+
+    def skip_to(self, tick: int) -> int:
+        """Count on from `tick`, which somebody has given out already; returns it."""
+        self._tick = max(self._tick, tick)
+        return tick
 
     def say(self, text: str, level: str = "info", instead: cmd.Command | None = None) -> None:
         """Tell the people at the page; `instead` is the command that would have been taken."""
         number = self._notices[-1].id + 1 if self._notices else 1
         notice = Notice(number, level, text, instead)  # type: ignore[arg-type]
         self._notices = [*self._notices[-19:], notice]
+        self.ring.say(self.observation.stamp, "notice", text, level)
 
-    def _start(self, command: cmd.Start) -> None:
-        if self.moving:
-            return
-        if self.status.state == "fault":
-            raise NotNow("acknowledge the fault first; then press Start again")
-        if self.status.state == "estop":
-            raise NotNow("the emergency stop is in force: press Reset and confirm, then Start")
-        self._feeds = FrozenFeeds()
-        self.mode.start(command)
-
-    def _acknowledge(self, _: cmd.Acknowledge) -> None:
-        if self.status.state == "fault":
-            self.active.forget()
-        self.active.acknowledge()
-
-    def _reset_stop(self, command: cmd.Reset) -> None:
-        if self._estop is None:
-            raise NotNow("no emergency stop is in force")
-        if command.confirm is not True:
-            raise BadInput("say that it is safe (confirm), then Reset", "reset")
+    def lift_estop(self) -> None:
+        """Leave an emergency stop for idle, or for offline where the robot is gone. Moves nothing."""
         self._estop = None
         self.active.forget()
-        self.active.acknowledge()
+        if not self.away:
+            self.active.status = Status()
 
-    def _inject(self, command: cmd.Inject) -> None:
-        inject(command.fault, self.site)
-
-    def _edit(self, command: cmd.Command) -> None:
-        if self.moving:
-            raise NotNow("stop the arm first; a task cannot be edited while it moves")
-        before = self.editor.task
-        self.editor.apply(command, self.observation)
-        if self.editor.task is not before and self.controller.status.state in ("done", "hold"):
-            self.controller.status = Status()
-
-    def _reset(self, _: cmd.ResetArm) -> None:
-        if self.moving:
-            raise NotNow("stop the arm first")
-        self._back_to_start(self.editor.to_save())
-
-    def _load(self, command: cmd.LoadTask) -> None:
-        if self.moving:
-            raise NotNow("stop the arm first; then open the task")
-        scenario = command.scenario
-        if not self.editor.same_scene(scenario):
-            raise BadInput("this task needs another scene or other cameras; open it with a new rig")
-        self._back_to_start(scenario)
-        self.controller.config, self.impedance = scenario.servo, scenario.impedance
-        put_limits(self, scenario.limits)
-        set_mode(self, scenario.mode)
-
-    def _back_to_start(self, scenario: Scenario) -> None:
-        """Arm at the scenario's start pose and every tracker placed afresh; one undoable edit."""
-        self.rig.hard_reset(self.editor.start_pose(scenario))
-        self.observation = self.rig.observe()
-        self.editor.load(scenario, self.observation)
-        for controller in {self.controller, self.active}:
-            controller.forget()
-            controller.status = Status()
-
-    def _perform(self, command: cmd.Perform) -> None:
-        arguments = dict(command.arguments)
-        if command.action == "lose_tracker":
-            self.editor.task.slot(str(arguments.get("tracker")))
-            for_s = float(arguments.get("for_s", np.inf))  # type: ignore[arg-type]
-            self._lost_until[str(arguments["tracker"])] = self.observation.stamp + for_s
-        else:
-            self.rig.perform(command.action, **arguments)
-
-    _HANDLERS: dict[type, Callable[[Engine, cmd.Command], None]] = {  # type: ignore[assignment]
-        cmd.Start: _start,
-        cmd.Halt: lambda self, _: self.stop(),
-        cmd.Acknowledge: _acknowledge,
-        cmd.Reset: _reset_stop,
-        cmd.Inject: _inject,
-        cmd.Mend: lambda self, _: self.tap.mend(),
-        **SETTINGS,
-        cmd.ResetArm: _reset,
-        cmd.LoadTask: _load,
-        cmd.Perform: _perform,
-        **dict.fromkeys(
-            (
-                cmd.AddTracker,
-                cmd.MoveTracker,
-                cmd.RenameTracker,
-                cmd.DeleteTracker,
-                cmd.AddConstraint,
-                cmd.DeleteConstraint,
-                cmd.SetWeight,
-                cmd.SetPriority,
-                cmd.ClearTask,
-                cmd.Undo,
-                cmd.Redo,
-            ),
-            _edit,
-        ),
-    }
+    def _real_time_factor(self) -> float:
+        """Simulated seconds per second on the wall; 1 for a rig that knows no other time."""
+        return float(getattr(self.rig, "real_time_factor", 1.0))
 
     # ---- what everybody sees -------------------------------------------------------------------
 
@@ -319,7 +374,7 @@ class Engine:
             can_undo=editor.can_undo,
             can_redo=editor.can_redo,
             notices=self.notices,
-            timing=self._watch.timing(),
+            timing=replace(self._watch.timing(), real_time_factor=self._real_time_factor()),
             poses=self.rig.poses(),
             insight=insight,
             findings=tuple(self.servoing.findings()),
@@ -327,5 +382,6 @@ class Engine:
             ghost_poses=ghost_poses(self.rig, seen.q, ahead),
             revision=self.revision,
             injected=self.tap.rows,
+            evidence=self.evidence,
             impedance=ImpedanceView() if following is None else following.view(),
         )

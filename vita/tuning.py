@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from vita import commands as cmd
@@ -10,6 +11,7 @@ from vita.errors import BadInput, NotNow, UnknownName
 from vita.scenario.names import MODES
 from vita.servo.config import Limits
 from vita.servo.limits import apply_limits, change_joint_limit, change_setting
+from vita.types import Status
 
 if TYPE_CHECKING:
     from vita.engine import Engine
@@ -30,6 +32,10 @@ def set_mode(engine: Engine, mode: str) -> None:
 def put_limits(engine: Engine, limits: Limits) -> None:
     """Put limits in force, in the rig and for whoever plans within them."""
     joints = apply_limits(engine.rig.robot_joints, limits)
+    step, higher = engine.last_step, limits.speed_rad_s / engine.limits.speed_rad_s
+    if engine.moving and step is not None and higher > 1.0:
+        # The step under way is a share of the limits: it is not to become faster with them.
+        engine.rig.command(replace(step, speed_scale=step.speed_scale / higher))
     engine.rig.set_limits(joints, limits.acceleration_rad_s2)
     engine.limits = limits
     if engine.following is not None:
@@ -37,9 +43,9 @@ def put_limits(engine: Engine, limits: Limits) -> None:
 
 
 def _set_mode(engine: Engine, command: cmd.SetMode) -> None:
-    if engine.moving:
-        raise NotNow("stop the arm first; the mode cannot be changed while it moves")
     set_mode(engine, command.mode)
+    for controller in {engine.controller, engine.active}:
+        controller.status = Status()
 
 
 def _set_impedance(engine: Engine, command: cmd.SetImpedance) -> None:

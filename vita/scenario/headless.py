@@ -10,6 +10,7 @@ import numpy as np
 
 from vita import commands as cmd
 from vita.engine import Engine
+from vita.evidence import told
 from vita.rig import SimulatedRig
 from vita.scenario.judge import final_distance_mm, judged
 from vita.scenario.record import RunRecord
@@ -149,6 +150,8 @@ def _record(engine: Engine, scenario: Scenario, recorder: _Recorder, name: str) 
         jacobian=np.array([s.jacobian if s.jacobian.shape == (m, n) else blank for s in snapshots]),
         final_distance_mm=distance,
         name=name,
+        joints=last.joints,
+        events=told(engine.ring.take()[1]),
         series=recorder.truth.series() | _seen_series(snapshots) if scenario.mode == "impedance" else {},
     )
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from vita.errors import BadInput, MissingDependency
 from vita.scenario.schema import Scenario
 from vita.scenario.toml_io import dumps, loads
-from vita.types import Array, RowLabel, frozen
+from vita.types import Array, Joint, RowLabel, frozen
 
 _ARRAYS = ("stamp", "q", "error", "weights", "command", "uv", "seen", "jacobian")
 _SERIES = "series_"
@@ -70,6 +70,11 @@ class RunRecord:
     """Further arrays over the ticks: what the stereo-impedance mode saw and did, and the truth."""
     name: str = ""
     """How the scenario was called on the command line."""
+    events: tuple[Mapping[str, Any], ...] = ()
+    """What happened between the ticks, oldest first: `stamp` [s], `kind` (`state`, `command`, `refused` or
+    `notice`), `text`, `reason`, `message`."""
+    joints: tuple[Joint, ...] = ()
+    """The n joints with the limits in force at the end; none in recordings of before version 0.6."""
 
     def __post_init__(self) -> None:
         for key in _ARRAYS:
@@ -94,7 +99,7 @@ class RunRecord:
         name = Path(self.name).stem if self.name else self.scenario.title
         return re.sub(r"[^A-Za-z0-9_.-]+", "_", name).strip("._")[:80] or "run"
 
-    def save(self, folder: str | Path, stem: str | None = None) -> list[Path]:
+    def save(self, folder: str | Path, stem: str | None = None, *, plot: bool = True) -> list[Path]:
         """Write STEM.npz (arrays), STEM.json (verdict and scenario) and, with matplotlib, STEM.png."""
         base = Path(folder) / (stem or self.stem)
         arrays = {key: getattr(self, key) for key in _ARRAYS}
@@ -108,7 +113,11 @@ class RunRecord:
             "message": self.message,
             "final_distance_mm": None if self.final_distance_mm is None else _finite(self.final_distance_mm),
             "scenario_toml": dumps(self.scenario),
+            "joints": [[j.name, j.lower, j.upper, j.max_speed] for j in self.joints],
+            "events": [dict(event) for event in self.events],
         }
+        # Once more in the arrays' file, so that this one alone is a recording, too.
+        arrays["story"] = np.array(json.dumps(story, allow_nan=False), dtype=np.str_)
         written = [_with(base, ".npz"), _with(base, ".json")]
         try:
             base.parent.mkdir(parents=True, exist_ok=True)
@@ -116,25 +125,28 @@ class RunRecord:
             written[1].write_text(json.dumps(story, indent=2, allow_nan=False) + "\n", encoding="utf-8")
         except OSError as error:
             raise BadInput(f"cannot write the recording: {error.strerror or error}", str(base)) from None
+        return written + self._plotted(_with(base, ".png")) if plot else written
+
+    def _plotted(self, path: Path) -> list[Path]:
         try:
             from vita.scenario.plot import plot
 
-            plot(self, _with(base, ".png"))
-            written.append(_with(base, ".png"))
+            plot(self, path)
         except MissingDependency:
-            pass  # the recording is whole without its picture
-        return written
+            return []  # The recording is whole without its picture.
+        return [path]
 
     @classmethod
     def load(cls, path: str | Path) -> RunRecord:
-        """The record of STEM.npz and STEM.json; `path` is either file or the stem."""
+        """The record of STEM.npz and STEM.json; `path` is either file or the stem. STEM.npz alone will do."""
         base = Path(path)
         if base.suffix in (".npz", ".json", ".png"):
             base = base.with_suffix("")
         try:
-            story = json.loads(_with(base, ".json").read_text(encoding="utf-8"))
             with np.load(_with(base, ".npz"), allow_pickle=False) as file:
                 arrays = {key: file[key] for key in file.files}
+            inside, beside = str(arrays.pop("story", "")), _with(base, ".json")
+            story = json.loads(inside if inside and not beside.exists() else beside.read_text("utf-8"))
             return cls(
                 scenario=loads(story["scenario_toml"], source=str(_with(base, ".json"))),
                 outcome=story["outcome"],
@@ -147,6 +159,8 @@ class RunRecord:
                 passed=story["passed"],
                 final_distance_mm=story["final_distance_mm"],
                 name=story["scenario"],
+                events=tuple(dict(event) for event in story.get("events", ())),
+                joints=tuple(Joint(str(name), *map(float, rest)) for name, *rest in story.get("joints", ())),
                 labels=tuple(_label(row) for row in arrays.pop("labels")),
                 state=tuple(map(str, arrays.pop("state"))),
                 trackers=tuple(map(str, arrays.pop("trackers"))),
