@@ -15,6 +15,7 @@ import numpy as np
 from vita import commands as c
 from vita.errors import Untrackable
 from vita.scenario.schema import CameraSpec, ConstraintSpec, Scenario, TrackerSpec
+from vita.servo import status_for
 from vita.servo.insight import Finding, Insight
 from vita.snapshot import Snapshot
 from vita.types import ErrorVector, Feature, Joint, Notice, RowLabel, Status, Timing, Visual, frozen
@@ -57,6 +58,13 @@ class FakeRunner:
         self.rig_revision = 1
         self.log: list[object] = []
         self.stops = 0
+        self.reasons: list[str] = []
+        """Why it was stopped, each time."""
+        self.injected: set[str] = set()
+        """Rows of the fault catalogue; nothing comes of them here."""
+        self.evidence = ""
+        self.slowness_s = 1.0
+        """In which time the error falls to a third [s]."""
         self.lost: set[str] = set()
         """Names of trackers that are reported lost."""
         self.insight: Insight | None = None
@@ -87,10 +95,15 @@ class FakeRunner:
         with self._news:
             self._queue.append(command)
 
-    def stop(self) -> None:
+    def stop(self, reason: str = "stopped_by_user") -> None:
         self.stops += 1
+        self.reasons.append(reason)
         if self._status.state in ("learning", "servoing"):
-            self._status = Status("hold", "stopped_by_user", "Stopped. Press Start to go on.")
+            self._status = status_for(reason)
+
+    def estop(self, culprit: str = "") -> None:
+        self.stop()
+        self._status = status_for("estop", culprit=culprit)
 
     def lose(self, message: str) -> None:
         """As when the simulation has died; `ResetArm` brings it back."""
@@ -204,14 +217,20 @@ class FakeRunner:
             if not s.constraint:
                 raise ValueError("The task is empty: add a constraint first.")
             self._status, self._start = Status("servoing"), time.monotonic()
-        elif isinstance(cmd, (c.Halt, c.ResetArm, c.Acknowledge)):
+        elif isinstance(cmd, c.Inject):
+            self.injected.add(cmd.fault)
+        elif isinstance(cmd, c.Mend):
+            self.injected.clear()
+        elif isinstance(cmd, (c.Halt, c.ResetArm, c.Acknowledge)) or (
+            isinstance(cmd, c.Reset) and cmd.confirm
+        ):
             self._status = Status()
 
     def _make(self) -> Snapshot:
         s = self.scenario
         now = time.monotonic()
         moving = self._status.state == "servoing"
-        decay = np.exp(-(now - self._start)) if moving else 1.0
+        decay = np.exp(-(now - self._start) / self.slowness_s) if moving else 1.0
         features = {
             t.name: _feature(t) if t.name not in self.lost
             else replace(_feature(t), status="lost", score=0.1, detail="covered, or changed too much")
@@ -239,7 +258,8 @@ class FakeRunner:
             can_redo=bool(self._redo), notices=tuple(self._notices),
             timing=Timing(self._hz, {"track": 4.0, "servo": 0.3}), poses=poses,
             insight=self.insight, findings=self.findings, ghost=dict(self.ghost),
-            ghost_poses=dict(self.ghost_poses),
+            ghost_poses=dict(self.ghost_poses), injected=tuple(sorted(self.injected)),
+            evidence=self.evidence,
         )
 
 

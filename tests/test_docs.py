@@ -38,6 +38,15 @@ def test_the_robot_in_the_servo_page_is_twenty_lines() -> None:
     assert len([line for line in code.splitlines() if line.strip()]) <= 22
 
 
+def test_the_catalogue_of_faults_is_in_its_page_word_for_word() -> None:
+    from vita.faults import CATALOGUE
+
+    text = (ROOT / "docs" / "safety.md").read_text()
+    for row in CATALOGUE.values():
+        cells = (f"`{row.id}`", row.title, row.verdict, row.bound or "-", row.recover)
+        assert f"| {' | '.join(cells)} |" in text, row.id
+
+
 def test_links_and_pictures_of_the_documents_exist() -> None:
     for page in PAGES:
         for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text()):
@@ -70,9 +79,10 @@ def test_every_setting_of_the_second_mode_is_in_its_page_with_its_default() -> N
             assert row.split("|")[2].split()[0] == f"{f.default:g}", f.name
 
 
-def test_every_reason_is_in_the_pages_of_the_two_modes() -> None:
+def test_every_reason_is_in_the_pages_of_the_modes_or_of_safety() -> None:
     from vita.servo import REASONS
 
-    text = "".join((ROOT / "docs" / name).read_text() for name in ("servo.md", "impedance.md"))
+    pages = ("servo.md", "impedance.md", "safety.md")
+    text = "".join((ROOT / "docs" / name).read_text() for name in pages)
     rig_only = {"", "rig_offline"}
     assert [r for r in REASONS if r not in rig_only and f"`{r}`" not in text] == []

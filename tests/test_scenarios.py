@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from kept_off import KeptOff, listening
 
 import vita
 from vita.constraints import CONSTRAINTS
@@ -17,11 +18,13 @@ from vita.scenario.toml_io import dumps, loads
 
 NAMES = sorted(shipped())
 pytestmark = pytest.mark.timeout(300)
+KEPT_OFF: dict[str, KeptOff] = {}
 
 
 @cache
 def record_of(name: str) -> RunRecord:
-    return run_scenario(vita.load(name), name=name)
+    with listening() as KEPT_OFF[name]:
+        return run_scenario(vita.load(name), name=name)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -39,7 +42,7 @@ def test_it_meets_its_expectations(name: str) -> None:
 
 ALIKE = (
     "line_to_line", "parallel_lines", "point_to_line", "point_to_point", "wrench_fixed", "wrench_flip",
-    "follow_target", "keep_clear", "move_tripod",
+    "follow_target", "keep_clear", "move_to_see", "move_tripod",
 )  # fmt: skip
 """Tasks that are made of the same parts as others: running each of them twice would tell nothing more."""
 
@@ -58,6 +61,15 @@ def test_all_that_moves_the_arm_is_finite_and_inside_the_limits(name: str) -> No
     assert np.isfinite(record.q).all() and np.isfinite(record.command).all()
     speed = np.abs(np.diff(record.q, axis=0)) / np.diff(record.stamp)[:, None]
     assert speed.max() <= record.scenario.limits.speed_rad_s * 1.001
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_that_the_arm_is_near_slows_it(name: str) -> None:
+    """The monitor of distances never gets in the way of a task that ships."""
+    record_of(name)
+    kept_off = KEPT_OFF[name]
+    assert kept_off.slowed == 0, kept_off.by
+    assert 0.02 < kept_off.smallest < 0.5
 
 
 @pytest.mark.parametrize("name", NAMES)

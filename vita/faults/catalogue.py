@@ -60,8 +60,8 @@ _ROWS = (
     Row("T11", "An edit while the arm moves", "refused", "at once", "stop first"),
     # What the servo does.
     Row("C1", "The error grows", "fault", "3 periods", RELEARN),
-    Row("C2", "Two joints turn the wrong way", "fault", "5 periods", RELEARN),
-    Row("C3", "The gain is far too high", "degraded", "6 periods", "by itself; the second time a fault"),
+    Row("C2", "Two joints turn the wrong way", "fault", "6 periods", RELEARN),
+    Row("C3", "The gain is far too high", "degraded", "3 swings", "by itself; the second time a fault"),
     Row("C4", "The mathematics fails", "fault", "1 period", RELEARN),
     Row("C5", "A command that is not a number", "harmless", "1 gate cycle", NOTHING),
     Row("C6", "A push into a joint limit", "hold", "15 periods", "jog back or change the task"),
@@ -72,7 +72,7 @@ _ROWS = (
     Row("C11", "Steps too small for the robot", "harmless", "10 periods", NOTHING),
     Row("C12", "A joint without effect", "hold", "after learning", "leave the joint out"),
     Row("C13", "Updates from hardly any motion", "harmless", "at once", NOTHING),
-    Row("C14", "The controller hangs", "fault", "100 ms", RESTART),
+    Row("C14", "The controller hangs", "fault", "0.1 s; told in 0.5 s", RESTART),
     Row("C15", "The clock on the wall is set back", "harmless", "", NOTHING),
     # What the robot and its process do.
     Row("R1", "The simulation is killed", "offline", "100 ms", RESTART),

@@ -9,7 +9,7 @@ from vita.errors import BadInput, UnknownName
 from vita.faults.site import Site
 
 Injector = Callable[[Site], None]
-_ROOMS = ("vision", "tasks", "control", "robot", "web", "files", "long_run")
+_ROOMS = ("vision", "tasks", "control", "robot", "web", "pages", "files", "long_run")
 _INJECTORS: dict[str, Injector] = {}
 
 

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from vita import commands as c
 from vita.snapshot import Snapshot
+from vita.types import MOVING_STATES
 from vita.ui.audience import Audience
 from vita.ui.board import Mode
 from vita.ui.compose import SELECT, Composer
+from vita.ui.ownership import Lease
+
+if TYPE_CHECKING:
+    from vita.ui.panels import RunPanel
 
 Uv = tuple[float, float]
 REPEAT_S = 0.25
@@ -23,9 +28,11 @@ class Actions:
 
     def __init__(
         self, composer: Composer, submit: Callable[[object], None], snapshot: Callable[[], Snapshot],
-        stop: Callable[[], None],
+        run: Callable[[], RunPanel], lease: Lease,
     ) -> None:
-        self.composer, self.submit, self._snapshot, self._stop = composer, submit, snapshot, stop
+        """`run` gives the panel with Start and Stop."""
+        self.composer, self.submit, self._snapshot = composer, submit, snapshot
+        self._run, self._lease = run, lease
         self._nudged: tuple[str, Uv, float] | None = None
 
     # In the views.
@@ -53,12 +60,25 @@ class Actions:
 
     # Keys.
 
+    def toggle(self, event: Any) -> None:
+        """Space stops a moving arm, whoever presses it; else it starts."""
+        if self._moving:
+            self._run().stop()
+        else:
+            self._lease.claim(event.client_id)
+            self._run().start()
+
     def escape(self, event: Any) -> None:
-        """Esc puts the tool away; with nothing in hand it stops the arm."""
-        if self.composer.composing:
+        """Esc stops a moving arm, whoever presses it. At rest it puts the driver's tool away, and
+        with nothing in hand it stops all the same."""
+        if self.composer.composing and not self._moving and self._lease.drives(event.client_id):
             self.composer.put_away()
         else:
-            self._stop()
+            self._run().stop()
+
+    @property
+    def _moving(self) -> bool:
+        return self._snapshot().status.state in MOVING_STATES
 
     def delete(self, event: Any) -> None:
         if self.composer.selected is not None:

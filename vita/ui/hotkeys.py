@@ -8,29 +8,44 @@ from typing import TYPE_CHECKING, Any
 
 from vita import commands as c
 from vita.ui.compose import SELECT, TRACKER
+from vita.ui.permits import Guard
 from vita.ui.words import KINDS
 
 if TYPE_CHECKING:
     from vita.ui.app import App
 
 
-def add_hotkeys(app: App) -> None:
-    gui, guard, composer, actions = app.server.gui, app.guard, app.composer, app.actions
+URGENT = ("Emergency stop", "Cancel, or stop the arm")
+"""They pass any flood of messages."""
 
-    def key(label: str, hotkey: Any, do: Callable[[Any], Any], modifier: Any = None, text: str = "") -> None:
+
+def add_hotkeys(app: App) -> None:
+    gui, composer, actions = app.server.gui, app.composer, app.actions
+
+    def key(
+        label: str, hotkey: Any, do: Callable[[Any], Any], modifier: Any = None, text: str = "",
+        guard: Guard = app.guard,
+    ) -> None:
         command = gui.add_command(label, hotkey=hotkey, modifier=modifier, description=text or None)
         command.on_trigger(guard(do))
+        if label in URGENT:
+            app.door.always(command)
 
-    key("Start or stop", "space", lambda event: app.run.toggle())
-    key("Cancel, or stop the arm", "escape", actions.escape)
+    # These three check for themselves: stopping is everybody's.
+    key("Start or stop", "space", actions.toggle, guard=app.anyone)
+    key("Emergency stop", "space", lambda event: app.run.estop(), "shift", guard=app.anyone)
+    key("Cancel, or stop the arm", "escape", actions.escape, guard=app.anyone)
     key("Undo", "Z", lambda event: actions.submit(c.Undo()), "cmd/ctrl")
     key("Redo", "Y", lambda event: actions.submit(c.Redo()), "cmd/ctrl")
     key("Delete the selected tracker", "delete", actions.delete)
     key("Delete the selected tracker (Backspace)", "backspace", actions.delete)
-    key("Fit the views", "F", actions.fit)
-    key("Cameras or 3D world", "V", actions.switch)
+    key("Fit the views", "F", actions.fit, guard=app.anyone)
+    key("Cameras or 3D world", "V", actions.switch, guard=app.anyone)
     for number in range(4):
-        key(f"Camera {number + 1} large", str(number + 1), lambda event, n=number: actions.fit(event, n))
+        key(
+            f"Camera {number + 1} large", str(number + 1), lambda event, n=number: actions.fit(event, n),
+            guard=app.anyone,
+        )
     for letter, kind in zip("PLMB", KINDS, strict=True):
         key(kind.label, letter, lambda event, k=kind.key: composer.arm(k), text=kind.meaning)
     key("Place trackers", "T", lambda event: composer.arm(TRACKER))

@@ -10,6 +10,7 @@ import numpy as np
 
 from vita.impedance.config import ImpedanceConfig
 from vita.impedance.view import ImpedanceView
+from vita.scenario.schema import Scenario
 from vita.servo.insight import Level
 from vita.snapshot import Snapshot
 from vita.types import MOVING_STATES
@@ -80,6 +81,10 @@ def degrees(value: float) -> str:
 
 # Sentences.
 
+NO_MARKERS = (
+    "No camera sees the markers that this mode follows. Show me an example, below, opens Follow target."
+)
+
 CHIPS: dict[str, tuple[str, Rgb]] = {
     "looking": ("Looking", BLUE), "calibrating": ("Learning", BLUE), "following": ("Following", TEAL),
     "waiting": ("Waiting", AMBER),
@@ -118,35 +123,48 @@ def calibration(view: ImpedanceView) -> str:
 def explain(snapshot: Snapshot) -> str:
     """The sentence under the state chip: what goes on, and what to do next."""
     status, view, config = snapshot.status, snapshot.impedance, snapshot.scenario.impedance
+    move = f"Move the {stand(snapshot.scenario)}"
     if status.state in MOVING_STATES:
-        return _doing(view, config, status.reason == "cameras_moved", snapshot.progress)
+        return _doing(view, config, status.reason == "cameras_moved", snapshot.progress, move)
     if status.message:
         return status.message
     if status.state == "idle":
-        return _ready(view, config)
+        return NO_MARKERS if lacks_markers(snapshot) else _ready(view, config, move)
     return explain_uvs(status, 0, 0, "")
 
 
-def _ready(view: ImpedanceView, config: ImpedanceConfig) -> str:
+def stand(scenario: Scenario) -> str:
+    """What people move to move the cameras."""
+    tripods = any(thing.kind == "tripod" for thing in scenario.scene.objects)
+    return "tripod" if tripods else "cameras"
+
+
+def lacks_markers(snapshot: Snapshot) -> bool:
+    """Whether nothing in this scene is made for this mode: no target, and no camera sees a marker of it."""
+    made = any(thing.kind == "target" for thing in snapshot.scenario.scene.objects)
+    return not made and not snapshot.impedance.corners
+
+
+def _ready(view: ImpedanceView, config: ImpedanceConfig, move: str) -> str:
     hidden = unseen(view, config, "tool")
     if hidden:
         return (
             f"Marker {config.tool_marker} on the tool is not seen by {cameras(hidden)}. "
-            "Move the tripod until it is, then press Start."
+            f"{move}, then press Start."
         )
     if view.T_base_left is None:
         return "Press Start. The arm makes small moves to learn where the cameras stand, then it follows."
     return f"The cameras' place is known. Press Start to follow marker {config.target_marker}."
 
 
-def _doing(view: ImpedanceView, config: ImpedanceConfig, moved: bool, limited: str) -> str:
+def _doing(view: ImpedanceView, config: ImpedanceConfig, moved: bool, limited: str, move: str) -> str:
     before = "Cameras moved: " if moved else ""
     if view.phase == "looking":
         hidden = unseen(view, config, "tool")
         if hidden:
             return (
                 f"{before or 'Looking for the markers: '}marker {config.tool_marker} on the tool is not seen "
-                f"by {cameras(hidden)}. Move the tripod until both see it."
+                f"by {cameras(hidden)}. {move} until both see it."
             )
         if moved:
             return "Cameras moved: learning again as soon as they stand still."
@@ -158,14 +176,23 @@ def _doing(view: ImpedanceView, config: ImpedanceConfig, moved: bool, limited: s
         what = "learning again" if moved else "Learning"
         return f"{before}{what} where the cameras stand: {calibration(view)}."
     if view.phase == "waiting":
-        hidden = unseen(view, config, "target")
-        where = f"not seen by {cameras(hidden)}" if hidden else "hard to see"
-        return f"The target is {where}: waiting. Move the tripod or the target."
+        return f"Waiting: {_out_of_sight(view, config)}. {move} or the target."
     found, hidden = errors(view), unseen(view, config, "tool")
     doing = f"Following the target: {found}" if found else "Following the target"
     if len(hidden) == 2:  # Nobody would notice that the cameras were moved.
         return f"{doing}. Marker {config.tool_marker} on the tool is not seen by {cameras(hidden)}: show it."
     return f"{doing}; {limited}." if limited else f"{doing}."
+
+
+def _out_of_sight(view: ImpedanceView, config: ImpedanceConfig) -> str:
+    """What the arm waits for: the target has to be seen by both cameras, the tool by one."""
+    target, tool = unseen(view, config, "target"), unseen(view, config, "tool")
+    if len(tool) < 2:
+        return f"the target is not seen by {cameras(target)}" if target else "the target is hard to see"
+    if len(target) < 2:
+        also = f", nor the target by {cameras(target)}" if target else ""
+        return f"the tool is not seen by {cameras(tool)}{also}"
+    return f"neither the target nor the tool is seen by {cameras(tool)}"
 
 
 # Figures.

@@ -85,11 +85,24 @@ font-size:10.5px;font-style:normal;font-weight:700;line-height:15px;text-align:c
 .vita .doctor{border-top:1px solid #f0f2f5;padding:1px 8px}
 .vita h4 .verdict{font-weight:600;margin:0 auto 0 8px}
 .vita.about{font-size:11.5px;line-height:1.35;color:#667085;margin:-4px 10px 6px}
+.vita .evidence{display:flex;align-items:center;gap:8px;font-size:12px;color:#667085;margin-top:3px}
+.vita.who{display:flex;align-items:center;gap:8px;font-size:12px;font-weight:600;color:#344054;
+background:#eef4ff;border-radius:6px;padding:2px 8px;margin-bottom:6px}
+.vita.who .take{color:#fff;background:#0d766e;border-radius:6px;padding:0 9px}
+.vita.who .take.off{background:#98a2b3}
+.vita .tally{display:grid;grid-template-columns:1fr 1fr 1fr;gap:1px 8px;font-size:12px;color:#667085;
+cursor:help}
+.vita .tally b{font-weight:600;color:#18202c}
+.vita .small{font-size:11.5px;white-space:nowrap}
+.vita .id{width:26px;flex:none;font-size:11.5px}
+.vita .more{font-size:12px;line-height:1.4;color:#475467;background:#eef6ff;padding:1px 8px 6px 42px}
+.vita .more code{font-size:11.5px}
 .vita .empty{padding:8px 10px;color:#667085}
 """
 
 HEIGHTS = f"""
-div:has(> [data-dock-leaf] #vita-run){{flex:0 0 207px!important}}
+div:has(> [data-dock-leaf] #vita-run){{flex:0 0 auto!important;min-height:190px!important}}
+[data-dock-leaf] div:has(#vita-run){{flex-basis:auto!important;height:auto!important}}
 div:has(> [data-dock-leaf] span.vita-tabs){{flex-grow:1!important}}
 div:has(> [data-dock-leaf] span.vita-plots){{flex:0 0 clamp(184px,25vh,260px)!important}}
 [data-dock-region-handle]{{height:10px!important}}
@@ -144,6 +157,17 @@ def inputs_side_by_side(inputs: Iterable[viser.GuiDropdownHandle]) -> str:
     )
 
 
+def beside(dropdown: viser.GuiDropdownHandle, button: viser.GuiButtonHandle, share: float) -> str:
+    """A dropdown that takes `share` of the line, and a button in the rest of it."""
+    name, wide = f'label[for="{dropdown._impl.uuid}"]', 100 * share
+    line = "display:inline-block;vertical-align:top;box-sizing:border-box;margin:0!important;"
+    return (
+        f"div:has(> div > div > p > {name}){{{line}width:{wide:.0f}%;padding:0 3px 5px 10px!important}}"
+        f"div:has(> p > {name}){{width:auto!important;padding-right:6px!important}}"
+        f"div:has(> {own(button)}){{{line}width:{100 - wide:.0f}%;padding:0 10px 5px 3px!important}}"
+    )
+
+
 def hidden(buttons: Iterable[viser.GuiButtonHandle]) -> str:
     """Buttons that are pressed through a <label for=...> in a list."""
     selectors = ",".join(f"div:has(> {own(button)})" for button in buttons)
@@ -184,6 +208,24 @@ def big(button: viser.GuiButtonHandle, color: Rgb) -> str:
         f"{own(button)}{{height:38px!important;font-size:16px;font-weight:700;"
         f"background:{hexed(color)}!important;color:#fff!important}}"
         f"{own(button)}:disabled{{background:#e4e7ec!important;color:#98a2b3!important}}"
+    )
+
+
+def latching(button: viser.GuiButtonHandle) -> str:
+    """The emergency stop: red on yellow, as on machines."""
+    return (
+        f"{own(button)}{{height:38px!important;font-size:13px;font-weight:700;padding:0 4px;"
+        f"background:#facc15!important;color:#991b1b!important;border:2px solid #dc2626!important}}"
+    )
+
+
+def out_of_reach(except_for: Iterable[viser.GuiButtonHandle]) -> str:
+    """How the controls look at a page that only watches. They still answer, by saying who drives."""
+    spared = "".join(f":not({own(button)})" for button in except_for)
+    return (
+        f"[data-dock-leaf] .mantine-Button-root{spared},[data-dock-leaf] .mantine-Slider-root,"
+        f"[data-dock-leaf] .mantine-Input-wrapper,[data-dock-leaf] .mantine-Checkbox-root,"
+        f"#vita-mode .half:not(.on),#vita-faults .link,.vita label.x{{opacity:.45}}"
     )
 
 

@@ -1,6 +1,7 @@
 """The panels at the right of the page."""
 
 from vita.ui.panels.base import Desk, Panel
+from vita.ui.panels.faults import FaultsPanel
 from vita.ui.panels.files import FilesPanel
 from vita.ui.panels.impedance import StereoPanel, TuningPanel
 from vita.ui.panels.knowledge import KnowledgePanel
@@ -11,6 +12,7 @@ from vita.ui.panels.view import ViewPanel
 
 __all__ = [
     "Desk",
+    "FaultsPanel",
     "FilesPanel",
     "KnowledgePanel",
     "Panel",

@@ -21,12 +21,16 @@ class Desk:
     submit: Callable[[object], None]
     """Hand a command to the runner."""
     stop: Callable[[], None]
-    """The runner's stop flag; never queues."""
+    """The runner's stop flag; never queues. Everybody's."""
     snapshot: Callable[[], Snapshot]
     guard: Callable[[Callable[[Any], None]], Callable[[Any], Any]]
-    """Wraps a callback, see `vita.ui.safe.guarded`."""
+    """Wraps a callback of the page that drives, see `vita.ui.safe.guarded` and `vita.ui.permits`."""
     tell: Callable[[Any, str, str], None]
     """(client, level, text): a message to one browser."""
+    estop: Callable[[], None]
+    """The runner's emergency stop; never queues. Everybody's."""
+    anyone: Callable[[Callable[[Any], None]], Callable[[Any], Any]]
+    """Wraps a callback that only looks or stops."""
 
 
 class Panel(Protocol):

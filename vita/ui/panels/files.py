@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +12,7 @@ from vita import commands as c
 from vita.errors import BadInput
 from vita.scenario import library, toml_io
 from vita.scenario.schema import Scenario
+from vita.scenario.seal import sealed
 from vita.snapshot import Snapshot
 from vita.types import MOVING_STATES
 from vita.ui import style
@@ -35,6 +37,8 @@ class FilesPanel:
     def __init__(self, desk: Desk, drawer: Drawer | None = None) -> None:
         self._desk = desk
         self._drawer = drawer or Drawer.default()
+        self.identity: Callable[[int], str] = str
+        """Who is behind a connection, as the drawer tells pages apart."""
         gui, guard = desk.gui, desk.guard
         Html(gui, style.TABS_MARK)
         self._sheet = Html(gui)
@@ -64,7 +68,7 @@ class FilesPanel:
         self._save.on_click(guard(self._do_save))
         self._load.on_click(guard(self._do_load))
         self._upload.on_upload(guard(self._do_upload))
-        self._download.on_click(guard(self._do_download))
+        self._download.on_click(desk.anyone(self._do_download))
         self._sheet.show(
             style.sheet(
                 style.side_by_side(buttons, 2),
@@ -102,24 +106,26 @@ class FilesPanel:
         return replace(self._desk.snapshot().scenario, script=(), expect=None)
 
     def _do_save(self, event: Any) -> None:
-        name = self._drawer.save(str(self._name.value), self._task())
+        name = self._drawer.save(str(self._name.value), self._task(), self._who(event))
         self._saved.options = tuple(self._drawer.names()) or (NOTHING,)
         self._saved.value = name
         self._desk.tell(event.client, "info", f"Saved as {name}.")
 
     def _do_load(self, event: Any) -> None:
-        self._open(self._drawer.load(str(self._saved.value)))
+        name = str(self._saved.value)
+        self._open(self._drawer.load(name, self._who(event)))
+        if note := self._drawer.note(name):
+            self._desk.tell(event.client, "info", note)
 
     def _do_upload(self, event: Any) -> None:
         content: bytes = event.target.value.content  # the name that the browser gives is not used
         if len(content) > MAX_UPLOAD:
             raise BadInput("the file is too big: at most 1 MB", "upload")
-        try:
-            text = content.decode("utf-8")
-        except UnicodeDecodeError:
-            raise BadInput("the file is not UTF-8 text", "upload") from None
-        self._open(toml_io.loads(text, source="upload"))
+        self._open(toml_io.loads(content, source="upload"))
 
     def _do_download(self, event: Any) -> None:
-        text = toml_io.dumps(self._task())
+        text = sealed(toml_io.dumps(self._task()))
         event.client.send_file_download("task.toml", text.encode(), save_immediately=True)
+
+    def _who(self, event: Any) -> str:
+        return self.identity(getattr(event.client, "client_id", -1))

@@ -24,6 +24,7 @@ from vita.ui.impedance_words import (
     calibration,
     cameras,
     degrees,
+    lacks_markers,
     millimetres,
     rows,
     step,
@@ -31,7 +32,7 @@ from vita.ui.impedance_words import (
 )
 from vita.ui.panels.base import Desk, Html
 from vita.ui.panels.settings import Numbers
-from vita.ui.words import hexed, safe
+from vita.ui.words import TEAL, hexed, safe
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "Spring": ("mass_kg", "stiffness", "damping", "pull_n", "feed_forward", "top_speed"),
@@ -104,10 +105,15 @@ def force_bars(shown: tuple[Row, ...]) -> str:
 class StereoPanel:
     """What goes on, and the things that can be moved."""
 
-    def __init__(self, desk: Desk, mover: Mover) -> None:
+    def __init__(self, desk: Desk, mover: Mover, show_me: Callable[[Any], None]) -> None:
         self._desk, self._mover = desk, mover
         gui, guard = desk.gui, desk.guard
         Html(gui, style.TABS_MARK)
+        self._show_me = gui.add_button(
+            "Show me an example", icon=viser.Icon.SPARKLES, visible=False,
+            hint="Loads Follow target; then press Start.",
+        )
+        self._show_me.on_click(guard(show_me))
         self._figures, self._forces = Html(gui), Html(gui)
         Html(gui, f'<div class="vita"><h4>Move things</h4><div class="dim">{DRAG_HINT}</div></div>')
         self._things: Any = gui.add_dropdown("Move", (NOTHING,), hint="What the buttons below move.")
@@ -131,9 +137,14 @@ class StereoPanel:
         )
         reset.on_click(guard(lambda event: desk.submit(c.ResetArm())))
         buttons = tuple(self._buttons.values())
-        Html(gui, style.sheet(style.side_by_side(buttons, 3), style.plain((*buttons, reset))))
+        Html(gui, style.sheet(
+            style.side_by_side(buttons, 3), style.plain((*buttons, reset)), style.filled(self._show_me, TEAL)
+        ))
 
     def update(self, snapshot: Snapshot) -> None:
+        lost = lacks_markers(snapshot)
+        if self._show_me.visible != lost:
+            self._show_me.visible = lost
         view, config = snapshot.impedance, snapshot.scenario.impedance
         self._figures.show(figures(view, config))
         self._forces.show(force_bars(rows(view, config)))

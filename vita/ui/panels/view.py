@@ -40,11 +40,11 @@ class ViewPanel:
         self._display, self._encoder = display, encoder
         Html(gui, style.TABS_MARK)
         views = gui.add_button_group("Show", ("Cameras", "3D world"), hint="V switches too.")
-        views.on_click(guard(
+        views.on_click(desk.anyone(
             lambda event: actions.switch(event, "world" if event.target.value == "3D world" else "cameras")
         ))
         refit = gui.add_button("Fit the views", icon=viser.Icon.MAXIMIZE, hint="F")
-        refit.on_click(guard(lambda event: actions.fit(event)))
+        refit.on_click(desk.anyone(lambda event: actions.fit(event)))
         Html(gui, style.sheet(style.plain((refit,))))
         pane = gui.add_checkbox("3D overview", True, hint="A small live 3D view below the cameras.")
         pane.on_update(guard(lambda event: set_pane(bool(event.target.value))))
