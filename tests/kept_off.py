@@ -40,7 +40,7 @@ def listening() -> Iterator[KeptOff]:
             found.by.add(self.holding.touches)
         return answer
 
-    KeepOff.take, KeepOff.share = taking, sharing
+    KeepOff.take, KeepOff.share = taking, sharing  # type: ignore[method-assign, assignment]
     try:
         yield found
     finally:

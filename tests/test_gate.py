@@ -454,7 +454,7 @@ def test_without_distances_a_guarded_gate_moves_nothing():
         lambda n: Nearness(n.stamp, n.q, n.distances, n.gradients[:, :1], n.pairs),
         lambda n: Nearness(np.nan, n.q, n.distances, n.gradients, n.pairs),
         lambda n: Nearness(n.stamp, n.q, n.distances, n.gradients, ()),
-        lambda n: Nearness(n.stamp, None, n.distances, n.gradients, n.pairs),
+        lambda n: Nearness(n.stamp, None, n.distances, n.gradients, n.pairs),  # type: ignore[arg-type]
     ],
 )
 def test_distances_that_are_no_numbers_are_not_taken(bad):

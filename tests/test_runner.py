@@ -14,6 +14,7 @@ from sim_rig import KinematicRig, scenario
 from vita import commands as cmd
 from vita.errors import RigLate, RigOffline
 from vita.runner import MAX_QUEUE, Runner
+from vita.scenario.schema import Scenario
 
 
 class PacedRig(KinematicRig):
@@ -140,6 +141,31 @@ def test_a_rig_that_is_gone_is_offline_and_one_command_restarts_it(runner: Runne
     until(lambda: state(runner) == "done")
 
 
+def test_building_a_rig_anew_takes_what_it_takes_and_is_no_hanging_controller(monkeypatch) -> None:
+    """A simulation may need seconds to start: the watchdog counts periods, not restarts."""
+    monkeypatch.setattr("vita.watchdog.WAIT_S", 0.1)
+    made: list[PacedRig] = []
+
+    def slowly(_: Scenario) -> PacedRig:
+        if made:
+            time.sleep(0.8)
+        made.append(PacedRig())
+        return made[-1]
+
+    runner = Runner(slowly, scenario())
+    try:
+        made[0].fail = RigOffline("the simulation ended")
+        until(lambda: state(runner) == "offline")
+        runner.submit(cmd.ResetArm())
+        seen = set()
+        while state(runner) != "idle":
+            seen.add(state(runner))
+            time.sleep(0.01)
+        assert seen == {"offline"} and len(made) == 2
+    finally:
+        runner.close()
+
+
 def test_a_rig_that_is_late_holds_the_arm_and_comes_back_by_itself(runner: Runner) -> None:
     runner.submit(cmd.Start())
     until(lambda: state(runner) == "servoing")
@@ -180,8 +206,14 @@ def test_a_rig_that_is_late_is_told_with_its_milliseconds_and_is_offline_after_a
     monkeypatch.setattr("vita.runner.time", Clock(now))
     runner.submit(cmd.Start())
     until(lambda: state(runner) == "servoing")
-    rig_of(runner).fail = RigLate("no picture for 0.25 s")
-    now[0] = 0.25
+    waited = iter([0.25])
+
+    def late():
+        """A quarter of a second passes within the wait, once."""
+        now[0] += next(waited, 0.0)
+        raise RigLate("no picture for 0.25 s")
+
+    monkeypatch.setattr(rig_of(runner), "observe", late)
     until(lambda: state(runner) == "hold")
     assert "(250 ms)" in runner.snapshot().status.message
     now[0] = 0.99
@@ -189,7 +221,7 @@ def test_a_rig_that_is_late_is_told_with_its_milliseconds_and_is_offline_after_a
     assert state(runner) == "hold"
     now[0] = 1.01
     until(lambda: state(runner) == "offline")
-    rig_of(runner).fail = None
+    monkeypatch.delattr(rig_of(runner), "observe")
     until(lambda: state(runner) == "hold")
 
 

@@ -88,7 +88,7 @@ class DriftWatch:
         drift = self._x[:, :, -1]
         sure, worst = SIGMAS, None
         for i in map(int, np.flatnonzero(carried)):
-            others = [int(j) for j in np.flatnonzero(carried) if j != i and views[j] == views[i]]
+            others = [j for j in map(int, np.flatnonzero(carried)) if j != i and views[j] == views[i]]
             speed = float(np.hypot(*drift[i]))
             if others:  # Against the one that moves most like it.
                 speed = min(speed, float(np.hypot(*(drift[others] - drift[i]).T).min()))

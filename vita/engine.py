@@ -138,6 +138,12 @@ class Engine:
 
     def tick(self) -> Snapshot:
         """Run one control period and publish it. Raises `RigOffline` when the rig is gone."""
+        try:
+            return self._one_period()
+        finally:
+            self._at("")  # Also when it raised: what comes next is no part of this period.
+
+    def _one_period(self) -> Snapshot:
         watch = self._watch
         watch.begin()
         self._at("observe")
@@ -165,7 +171,6 @@ class Engine:
         snapshot = self.snapshot()
         self.ring.note(self.observation, snapshot, self.last_step, self._gate)
         watch.lap("publish")
-        self._at("")
         return snapshot
 
     def _at(self, phase: str) -> None:

@@ -4,6 +4,7 @@ joint. Each is made by its injector, seen in the snapshot, and recovered from.""
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,13 +37,18 @@ def record(bench: Bench) -> list[tuple[np.ndarray, np.ndarray]]:
     gate, out = bench.rig._world.gate, []
     cycle = gate.cycle
 
-    def listening(now, q):
-        answer = cycle(now, q)
+    def listening(now, q_measured):
+        answer = cycle(now, q_measured)
         out.append(answer)
         return answer
 
     gate.cycle = listening
     return out
+
+
+def gate_of(bench: Bench) -> Any:
+    """What the gate says."""
+    return bench.rig.gate_state()
 
 
 def keeps_limits(out: list[tuple[np.ndarray, np.ndarray]], speed=0.6, acceleration=8.0) -> bool:
@@ -88,7 +94,7 @@ def test_a_push_into_a_limit_is_held_after_fifteen_periods(bench: Bench) -> None
         i for i, (now, own) in enumerate(zip(bench.rig.joints, bench.rig.robot_joints, strict=True))
         if now.upper != own.upper or now.lower != own.lower
     )  # fmt: skip
-    bench.until(lambda s: joint in bench.rig.gate_state()["saturated"])
+    bench.until(lambda s: joint in gate_of(bench)["saturated"])
     limit, qs = bench.rig.joints[joint], []
     snapshot = bench.tick()
     while snapshot.status.state == "servoing":
@@ -113,6 +119,7 @@ def test_a_hundred_times_too_fast_is_scaled_in_its_direction(bench: Bench) -> No
     out = record(bench)
     bench.inject("C7")
     bench.tick()
+    assert bench.engine.last_step is not None
     asked = bench.engine.last_step.dq
     assert np.abs(asked).max() > 1.0, "the command is wild"
     bench.tick()
@@ -129,7 +136,7 @@ def test_an_arm_outside_a_limit_moves_only_inwards_and_people_are_told(bench: Be
     bench.start()
     bench.inject("C8")
     out = record(bench)
-    joint = int(bench.rig.gate_state()["outside"][0])
+    joint = int(gate_of(bench)["outside"][0])
     limit, q0 = bench.rig.joints[joint], bench.tick().q[joint]
     sign = 1.0 if q0 < limit.lower else -1.0
     bench.until("done")
@@ -199,6 +206,7 @@ def test_the_arm_slows_down_and_stops_short_of_what_is_in_its_way(with_ball: Ben
     """A ball where the forearm is about to pass: it comes to rest a centimetre off, and people are told."""
     bench = with_ball
     monitor = bench.rig._world._proximity
+    assert monitor is not None
     frames = bench.rig.arm_model().frames(np.radians(GOAL_DEG))
     starts, ends = monitor._hull.segments(frames)
     part = monitor._hull.frames.index(3)
@@ -241,7 +249,7 @@ def test_old_and_doubled_commands_change_nothing(bench: Bench) -> None:
     bench.inject("R8")
     out = record(bench)
     bench.until("done")
-    assert bench.rig.gate_state()["dropped"] > 5, "the old ones are refused"
+    assert gate_of(bench)["dropped"] > 5, "the old ones are refused"
     assert keeps_limits(out) and at_goal(bench) and no_faults(bench)
 
 

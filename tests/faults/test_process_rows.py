@@ -472,9 +472,10 @@ def test_ending_the_program_in_motion_brakes_first_and_leaves_nothing(
     def in_motion(app: App) -> None:
         runner = app.runner
         assert isinstance(runner, Runner) and runner.arm_process is not None
+        memory = runner.arm_process[1]
 
         def act() -> None:
-            seen["app"], seen["flags"] = app.port, (flags := Flags(runner.arm_process[1]))
+            seen["app"], seen["flags"] = app.port, (flags := Flags(memory))
             seen["files"] = [entry.port for entry in running()]
             runner.submit(cmd.Start())
             wait_for(lambda: runner.snapshot().status.state in MOVING_STATES and not flags.at_rest)

@@ -19,11 +19,11 @@ from vita.fuzz.vitals import Vitals, children, vitals
 
 @row("Q1")
 def test_a_short_soak_leaves_the_app_as_it_was(tmp_path: Path) -> None:
-    report = soak.run(10.0, seed=3, out=tmp_path)
+    report = soak.run(6.0, seed=3, out=tmp_path)
     assert report.passed, "\n".join(report.violations)
-    assert report.tried >= 5 and report.figures["faults tried"] >= 1
+    assert report.tried >= 3 and report.figures["faults tried"] >= 1
     rows = list(csv.DictReader((tmp_path / "soak.csv").open()))
-    assert len(rows) >= 6 and all(float(row["app_mb"]) > 20 and int(row["threads"]) >= 3 for row in rows)
+    assert len(rows) >= 3 and all(float(row["app_mb"]) > 20 and int(row["threads"]) >= 3 for row in rows)
     assert (tmp_path / "soak.md").read_text().startswith("# Soak: passed\n")
 
 

@@ -24,7 +24,7 @@ def made() -> Iterator[Bench]:
 def bench(made: Bench) -> Bench:
     """Everything as new, on the same simulated world: building that is what takes long."""
     made.engine.tap.mend()
-    made.rig.hard_reset(np.deg2rad(task().scene.q0_deg))
+    made.rig.hard_reset(np.deg2rad(np.array(task().scene.q0_deg)))
     made.rig.release()
     made.engine = Engine(made.rig, task())
     return made

@@ -39,5 +39,5 @@ class Detour:
             across = np.array([-normal[1], normal[0], 0.0]) if abs(normal[2]) < 0.9 else np.array([1.0, 0, 0])
             across = across - (across @ normal) * normal
             far = float(np.linalg.norm(across))
-        self._aside = across / far
-        return self._aside.tolist(), share * push
+        aside = self._aside = across / far
+        return aside.tolist(), share * push

@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vita.types import Array
 
@@ -46,7 +47,7 @@ class Motion(NamedTuple):
 
     speed: Array
     """(n,) for this cycle [rad/s]."""
-    saturated: Array
+    saturated: NDArray[np.bool_]
     """(n,) joints that a limit keeps from going where they are wanted."""
 
 

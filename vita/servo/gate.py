@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vita.errors import BadInput
 from vita.servo.braking import ARRIVED_RAD, Bounds, braking_path, braking_speed, clip, toward
@@ -249,7 +250,7 @@ class Gate:
         self.saturated = self._none
 
     @property
-    def outside(self) -> Array:
+    def outside(self) -> NDArray[np.bool_]:
         """(n,) whether each joint is beyond one of its limits; only inward motion passes there."""
         lower, upper = (np.array([getattr(j, name) for j in self.joints]) for name in ("lower", "upper"))
         return (self._q < lower - 1e-6) | (self._q > upper + 1e-6)
