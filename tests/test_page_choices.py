@@ -26,6 +26,7 @@ from vita.ui.panels.servo import GROUPS, UNUSED, ServoPanel, applies
 def app() -> Iterator[App]:
     runner = FakeRunner()
     app = App(runner, port=0)
+    app.commands.lease.opened(0)
     try:
         yield app
     finally:
@@ -54,9 +55,9 @@ def after(app: App) -> Snapshot:
 def choose(panel: ServoPanel, field: str, title: object) -> list[str]:
     """As if a browser had chosen `title`; returns what it is told in return."""
     told: list[str] = []
-    client = SimpleNamespace(add_notification=lambda title, text, **how: told.append(text))
+    client = SimpleNamespace(client_id=0, add_notification=lambda title, text, **how: told.append(text))
     for callback in panel._choices[field].handle._impl.update_cb:
-        event = SimpleNamespace(client=client, target=SimpleNamespace(value=title))
+        event = SimpleNamespace(client=client, client_id=0, target=SimpleNamespace(value=title))
         asyncio.run(callback(event))  # type: ignore[arg-type]
     return told
 

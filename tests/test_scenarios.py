@@ -42,7 +42,8 @@ def test_it_meets_its_expectations(name: str) -> None:
 
 ALIKE = (
     "line_to_line", "parallel_lines", "point_to_line", "point_to_point", "wrench_fixed", "wrench_flip",
-    "follow_target", "keep_clear", "move_to_see", "move_tripod",
+    "follow_target", "keep_clear", "move_to_see", "move_tripod", "eye_in_hand", "half_hidden", "lost_tracker",
+    "moving_edge", "wrench",
 )  # fmt: skip
 """Tasks that are made of the same parts as others: running each of them twice would tell nothing more."""
 

@@ -49,12 +49,13 @@ def handle(page: LivePage, uuid: str) -> Any:
 
 
 def still_stops(page: LivePage, client: Client, times: int = 5) -> None:
-    """Within 20 ms, where the machine is as quick as that at all: others may keep it busy for a while, which
-    one of four rounds escapes; what stands in the way of Stop is there in each."""
+    """Within 50 ms, though here whoever floods shares the interpreter with the page: others may keep the
+    machine busy for a while, which one of four rounds escapes; what stands in the way of Stop is there in
+    each."""
     rounds = []
-    while not rounds or (rounds[-1] > 20.0 and len(rounds) < 4):
+    while not rounds or (rounds[-1] > 50.0 and len(rounds) < 4):
         rounds.append(statistics.median(page.stop_ms(client, times)))
-    assert min(rounds) <= max(20.0, 3.0 * page.idle_ms), rounds
+    assert min(rounds) <= max(50.0, 3.0 * page.idle_ms), rounds
 
 
 @row("U2")
