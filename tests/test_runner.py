@@ -141,6 +141,17 @@ def test_a_rig_that_is_gone_is_offline_and_one_command_restarts_it(runner: Runne
     until(lambda: state(runner) == "done")
 
 
+def test_what_is_injected_is_told_also_while_every_period_fails_so_that_it_can_be_mended(
+    runner: Runner,
+) -> None:
+    runner.submit(cmd.Inject("Q2"))
+    until(lambda: state(runner) == "fault" and runner.snapshot().injected == ("Q2",))
+    runner.submit(cmd.Mend())
+    until(lambda: runner.snapshot().injected == ())
+    runner.submit(cmd.Acknowledge())
+    until(lambda: state(runner) == "idle")
+
+
 def test_building_a_rig_anew_takes_what_it_takes_and_is_no_hanging_controller(monkeypatch) -> None:
     """A simulation may need seconds to start: the watchdog counts periods, not restarts."""
     monkeypatch.setattr("vita.watchdog.WAIT_S", 0.1)

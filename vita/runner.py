@@ -286,7 +286,8 @@ class Runner:
             revision = latest.revision if number is None else engine.revision
             self._put(
                 replace(latest, tick=latest.tick + 1, status=engine.status, notices=engine.notices,
-                        progress="", revision=revision, evidence=engine.evidence)
+                        progress="", revision=revision, evidence=engine.evidence,
+                        injected=engine.tap.rows)
             )  # fmt: skip
 
     def _put(self, snapshot: Snapshot) -> None:
